@@ -1,0 +1,1 @@
+"""FPGA motion control from register map to moving machine."""

@@ -1,0 +1,1 @@
+"""What a person runs: jobs, reports and the command line."""

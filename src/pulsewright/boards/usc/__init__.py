@@ -1,0 +1,1 @@
+"""Pico Systems Universal Stepper Controller."""

@@ -1,0 +1,1 @@
+"""Pin changes: recording, timing and the positions they mean."""

@@ -1,0 +1,68 @@
+"""Every error that pulsewright raises on purpose, in one tree.
+
+Messages help: what was asked, where (file and line, key, board and axis), what is allowed, what to try.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class PulsewrightError(Exception):
+    """An error with a message for the person at the keyboard."""
+
+
+class UsageError(PulsewrightError, ValueError):
+    """A request that cannot be carried out as asked: unknown board, unusable option or file."""
+
+
+class GcodeError(UsageError):
+    """A program that cannot be run.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, what is allowed and what to try.
+    path : Path or str
+        The program.
+    line, column : int
+        Where, both from 1; 0 where the place is the whole file or line.
+    text : str
+        The offending words.
+    """
+
+    def __init__(
+        self, message: str, *, path: Path | str = "", line: int = 0, column: int = 0, text: str = ""
+    ) -> None:
+        self.path, self.line, self.column, self.text = str(path), line, column, text
+        place = ":".join([self.path or "program"] + [str(n) for n in (line, column) if n])
+        super().__init__(f"{place}: {message}" + (f" (at '{text}')" if text else ""))
+
+
+class MachineError(UsageError):
+    """A machine file that cannot be used; ``key`` names the entry, dotted."""
+
+    def __init__(self, message: str, *, path: Path | str = "", key: str = "") -> None:
+        self.path, self.key = str(path), key
+        place = ": ".join(part for part in (self.path, key) if part)
+        super().__init__(f"{place}: {message}" if place else message)
+
+
+class MotionLimitError(UsageError):
+    """Motion that the machine or the board cannot do: travel, rate or acceleration."""
+
+
+class RegisterValueError(PulsewrightError, ValueError):
+    """A value that a register of a board cannot hold."""
+
+
+class BusError(PulsewrightError):
+    """A bus or link that does not do what its protocol demands."""
+
+
+class BusTimeoutError(BusError, TimeoutError):
+    """No board acknowledged a bus cycle in time."""
+
+
+class CheckFailedError(PulsewrightError):
+    """A check that ran to its end and found a difference or a violated limit."""

@@ -1,0 +1,41 @@
+"""Compiled evaluation of a trajectory, for loops that ask millions of times."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True, inline="always")
+def path_coordinate(law: Floats, k: int, tau: float) -> float:
+    """Return s on piece ``k``, ``tau`` seconds after its start."""
+    return ((law[k, 3] * tau + law[k, 2]) * tau + law[k, 1]) * tau + law[k, 0]
+
+
+@njit(cache=True, inline="always")
+def coordinate(
+    poly: Floats, cosine: Floats, sine: Floats, omega: Floats, e: int, axis: int, s: float
+) -> float:
+    """Return one coordinate on element ``e`` at path coordinate ``s``."""
+    x = ((poly[e, 3, axis] * s + poly[e, 2, axis]) * s + poly[e, 1, axis]) * s + poly[e, 0, axis]
+    if omega[e] != 0.0:
+        angle = omega[e] * s
+        x += cosine[e, axis] * math.cos(angle) + sine[e, axis] * math.sin(angle)
+    return x
+
+
+@njit(cache=True, inline="always")
+def piece_at(start: Floats, t: float, k: int) -> int:
+    """Return the piece that holds time ``t``, searching forward from piece ``k``.
+
+    ``start`` is (pieces + 1,); times past the end belong to the last piece.
+    """
+    last = start.size - 2
+    while k < last and t >= start[k + 1]:
+        k += 1
+    return k

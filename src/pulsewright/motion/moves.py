@@ -1,0 +1,107 @@
+"""What a program asks for: straight and circular moves in machine coordinates, in columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+AXES: Final = "XYZABC"  # columns of every position: X Y Z in mm, A B C in degrees
+
+
+class MoveKind(IntEnum):
+    """Geometry of one move."""
+
+    LINE = 0
+    ARC = 1  # circle or helix
+    DWELL = 2  # no motion for ``dwell`` seconds
+
+
+class Plane(IntEnum):
+    """Plane of an arc, by the axis it turns about."""
+
+    YZ = 0  # about X, G19
+    ZX = 1  # about Y, G18
+    XY = 2  # about Z, G17
+
+    @property
+    def axes(self) -> tuple[int, int]:
+        """Columns (first, second) of the plane; first to second is counterclockwise (G3)."""
+        return (self + 1) % 3, (self + 2) % 3
+
+
+@dataclass(frozen=True)
+class Moves:
+    """The motion of a program: n moves, each from where the one before it ends.
+
+    Parameters
+    ----------
+    start : (6,) float64
+        Machine position before the first move [mm, degrees].
+    kind, plane : (n,) int8
+        `MoveKind`; `Plane` of an arc.
+    rapid : (n,) bool
+        Traverse at the machine's limits (G0).
+    line : (n,) int32
+        Line of the program, from 1.
+    end : (n, 6) float64
+        Machine position after the move [mm, degrees].
+    center : (n, 3) float64
+        Centre of an arc; the column of the plane's normal axis is not used [mm].
+    sweep : (n,) float64
+        Signed angle of an arc [rad]; positive is counterclockwise (G3) seen against the normal.
+    feed : (n,) float64
+        Programmed speed [mm/s] along X, Y, Z where one of them moves, else [degrees/s] along
+        A, B, C. Infinite for rapids.
+    dwell : (n,) float64
+        Time of a dwell [s].
+    tolerance : (n,) float64
+        How far the path may pass from the programmed corner at the end of this move [mm];
+        0 = the machine comes to rest there.
+    """
+
+    start: NDArray[np.float64]
+    kind: NDArray[np.int8]
+    plane: NDArray[np.int8]
+    rapid: NDArray[np.bool_]
+    line: NDArray[np.int32]
+    end: NDArray[np.float64]
+    center: NDArray[np.float64]
+    sweep: NDArray[np.float64]
+    feed: NDArray[np.float64]
+    dwell: NDArray[np.float64]
+    tolerance: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    def starts(self) -> NDArray[np.float64]:
+        """Return the position before each move, shape (n, 6)."""
+        return np.concatenate([self.start[None], self.end[:-1]])[: len(self)]
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens between moves: before move ``at``, the machine being at rest there.
+
+    ``kind`` is one of ``spindle`` (value: signed rev/min, 0 off), ``tool`` (number), ``mist``,
+    ``flood`` (0 or 1), ``pause`` (M0, M1), ``message`` (text), ``end`` (M2, M30).
+    """
+
+    at: int
+    line: int
+    kind: str
+    value: float = 0.0
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Program:
+    """An interpreted program: its moves, and what happens between them."""
+
+    path: str
+    moves: Moves
+    events: tuple[Event, ...] = field(default=())

@@ -1,0 +1,100 @@
+"""Where the machine is at every instant: exact geometry, and an exact law of time along it.
+
+A trajectory is a chain of *elements* (geometry, a function of a path coordinate s) and a chain of
+*pieces* (time law, a cubic s(t) on one element). Position at time t is the element's geometry at
+s(t); nothing is sampled. On element e::
+
+    x(s) = poly[e,0] + poly[e,1] s + poly[e,2] s^2 + poly[e,3] s^3
+         + cosine[e] cos(omega[e] s) + sine[e] sin(omega[e] s)        0 <= s <= length[e]
+
+so a line has ``poly`` of degree 1, a blend of degree 2 or 3, an arc or helix degree 1 with
+``omega`` = 1 / radius. On piece k, from ``start[k]`` to ``start[k + 1]``, tau = t - start[k]::
+
+    s(tau) = law[k,0] + law[k,1] tau + law[k,2] tau^2 + law[k,3] tau^3
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Exact motion of some coordinates: machine axes [mm, degrees] or motors [step].
+
+    Parameters
+    ----------
+    poly : (m, 4, axes) float64
+    cosine, sine : (m, axes) float64
+    omega, length : (m,) float64
+        Geometry of m elements, see the module's text.
+    move : (m,) int32
+        The move that an element belongs to; a blend belongs to the move before its corner.
+    element : (k,) int32
+        Element of each piece, never decreasing.
+    start : (k + 1,) float64
+        Start time of each piece, and the end of the last one [s]. The first is 0.
+    law : (k, 4) float64
+        Path coordinate over time since the start of the piece. Standstill has ``law[1:] = 0``.
+    """
+
+    poly: NDArray[np.float64]
+    cosine: NDArray[np.float64]
+    sine: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    length: NDArray[np.float64]
+    move: NDArray[np.int32]
+    element: NDArray[np.int32]
+    start: NDArray[np.float64]
+    law: NDArray[np.float64]
+
+    @property
+    def duration(self) -> float:
+        """Time from start to rest [s]."""
+        return float(self.start[-1])
+
+    @property
+    def axes(self) -> int:
+        """Number of coordinates."""
+        return int(self.poly.shape[2])
+
+    def mapped(self, matrix: NDArray[np.float64]) -> Trajectory:
+        """Return the same motion in other coordinates: ``matrix`` (new, axes) times position.
+
+        With rows of steps per unit this gives motor positions in steps.
+        """
+        return replace(
+            self,
+            poly=np.ascontiguousarray(self.poly @ matrix.T),
+            cosine=np.ascontiguousarray(self.cosine @ matrix.T),
+            sine=np.ascontiguousarray(self.sine @ matrix.T),
+        )
+
+    def at(
+        self, time: NDArray[np.float64] | float, derivative: int = 0
+    ) -> NDArray[np.float64]:
+        """Return position (0), velocity (1) or acceleration (2) at each time, shape (n, axes).
+
+        Before 0 and after the end the machine rests.
+        """
+        t = np.clip(np.atleast_1d(np.asarray(time, float)), 0.0, self.duration)
+        k = np.clip(np.searchsorted(self.start, t, side="right") - 1, 0, len(self.element) - 1)
+        tau, law, e = t - self.start[k], self.law[k], self.element[k]
+        s = ((law[:, 3] * tau + law[:, 2]) * tau + law[:, 1]) * tau + law[:, 0]
+        v = (3 * law[:, 3] * tau + 2 * law[:, 2]) * tau + law[:, 1]
+        a = 6 * law[:, 3] * tau + 2 * law[:, 2]
+        s, v, a, w = s[:, None], v[:, None], a[:, None], self.omega[e][:, None]
+        p, cos, sin = self.poly[e], self.cosine[e], self.sine[e]
+        if derivative == 0:
+            x = ((p[:, 3] * s + p[:, 2]) * s + p[:, 1]) * s + p[:, 0]
+            return np.asarray(x + cos * np.cos(w * s) + sin * np.sin(w * s))
+        first = (3 * p[:, 3] * s + 2 * p[:, 2]) * s + p[:, 1]
+        first = first + w * (sin * np.cos(w * s) - cos * np.sin(w * s))
+        if derivative == 1:
+            return np.asarray(first * v)
+        second = 6 * p[:, 3] * s + 2 * p[:, 2]
+        second = second - w * w * (cos * np.cos(w * s) + sin * np.sin(w * s))
+        return np.asarray(second * v * v + first * a)

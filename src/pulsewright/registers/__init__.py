@@ -1,0 +1,1 @@
+"""Register maps: one hand-written source, everything else generated."""

@@ -1,0 +1,1 @@
+"""Links between a driver and a board, real or virtual."""

@@ -1,0 +1,1 @@
+"""Blocks that the twins of several boards share."""

@@ -1,6 +1,7 @@
 """Every error that pulsewright raises on purpose, in one tree.
 
-Messages help: what was asked, where (file and line, key, board and axis), what is allowed, what to try.
+Messages help: what was asked, where (file and line, key, board and axis), what is allowed and
+what to try.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,7 @@ class EdgeTrace:
         object.__setattr__(self, "_index", {pin: i for i, pin in enumerate(self.pins)})
 
     def __eq__(self, other: object) -> bool:
-        """Tell whether both traces record the same changes of the same pins over the same cycles."""
+        """Tell whether both traces record the same changes over the same cycles."""
         return (
             isinstance(other, EdgeTrace)
             and (self.clock_hz, self.pins, self.start, self.end)
@@ -157,7 +158,7 @@ class EdgeTrace:
 def concatenate(traces: Sequence[EdgeTrace]) -> EdgeTrace:
     """Join traces of the same pins, each starting in the cycle where the one before it ends."""
     first = traces[0]
-    for before, after in zip(traces, traces[1:], strict=False):
+    for before, after in pairwise(traces):
         if (before.pins, before.clock_hz, before.end) != (after.pins, after.clock_hz, after.start):
             raise UsageError(
                 f"traces do not follow each other: one ends at cycle {before.end}, the next "
@@ -166,6 +167,4 @@ def concatenate(traces: Sequence[EdgeTrace]) -> EdgeTrace:
     cycles = tuple(
         np.concatenate([trace.cycles[i] for trace in traces]) for i in range(len(first.pins))
     )
-    return EdgeTrace(
-        first.clock_hz, first.pins, first.initial, cycles, first.start, traces[-1].end
-    )
+    return EdgeTrace(first.clock_hz, first.pins, first.initial, cycles, first.start, traces[-1].end)

@@ -14,7 +14,8 @@ Floats = NDArray[np.float64]
 @njit(cache=True, inline="always")
 def path_coordinate(law: Floats, k: int, tau: float) -> float:
     """Return s on piece ``k``, ``tau`` seconds after its start."""
-    return ((law[k, 3] * tau + law[k, 2]) * tau + law[k, 1]) * tau + law[k, 0]
+    s: float = ((law[k, 3] * tau + law[k, 2]) * tau + law[k, 1]) * tau + law[k, 0]
+    return s
 
 
 @njit(cache=True, inline="always")
@@ -22,7 +23,9 @@ def coordinate(
     poly: Floats, cosine: Floats, sine: Floats, omega: Floats, e: int, axis: int, s: float
 ) -> float:
     """Return one coordinate on element ``e`` at path coordinate ``s``."""
-    x = ((poly[e, 3, axis] * s + poly[e, 2, axis]) * s + poly[e, 1, axis]) * s + poly[e, 0, axis]
+    x: float = ((poly[e, 3, axis] * s + poly[e, 2, axis]) * s + poly[e, 1, axis]) * s + poly[
+        e, 0, axis
+    ]
     if omega[e] != 0.0:
         angle = omega[e] * s
         x += cosine[e, axis] * math.cos(angle) + sine[e, axis] * math.sin(angle)

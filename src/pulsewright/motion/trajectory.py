@@ -73,9 +73,7 @@ class Trajectory:
             sine=np.ascontiguousarray(self.sine @ matrix.T),
         )
 
-    def at(
-        self, time: NDArray[np.float64] | float, derivative: int = 0
-    ) -> NDArray[np.float64]:
+    def at(self, time: NDArray[np.float64] | float, derivative: int = 0) -> NDArray[np.float64]:
         """Return position (0), velocity (1) or acceleration (2) at each time, shape (n, axes).
 
         Before 0 and after the end the machine rests.

@@ -1,0 +1,253 @@
+"""Planned motion to divisors: what a Universal Stepper Controller runs natively.
+
+The board divides 10 MHz by P ticks per axis; the host may set new divisors at any time, here every
+*update*. The phase-exact law: a counter that has counted E ticks since the last step, under period
+P, is at phase E / P of the next one. So at each update, with E the ticks from the last step to the
+*next* update and f the phase that the plan wants there, P = E / f. Whatever rounding did before is
+in E and in the count, so nothing accumulates. Steps aim at the plan's half steps: count and plan
+differ by half a step at most, plus what the plan bends within one update.
+
+The model is integer and exact: it knows the tick of every pulse before the board makes it. It
+holds because no command lets a pulse fall due while the board's pulse former would delay it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pulsewright.boards.usc import registers
+from pulsewright.errors import MotionLimitError
+from pulsewright.motion.trajectory import Trajectory
+
+AXES: Final = len(registers.W_DIVISOR)
+
+# A burst is an address write (access 0) and 13 data writes from the first divisor to the control
+# register; each access takes the same time. These are the accesses whose write takes effect: the
+# high byte of each divisor, and run and direction of all axes.
+BURST_ADDRESS: Final = registers.W_DIVISOR[0]
+BURST_ACCESSES: Final = 2 + registers.W_RATE_CONTROL - BURST_ADDRESS
+DIVISOR_ACCESS: Final = tuple(address + 3 - BURST_ADDRESS for address in registers.W_DIVISOR)
+CONTROL_ACCESS: Final = BURST_ACCESSES - 1
+
+LONGEST_UPDATE: Final = 10_000  # [tick]: 1 ms, well within the watchdog's 10 ms
+DEVIATION: Final = 1.1  # what the conversion promises [step]
+
+
+@dataclass(frozen=True)
+class PulseTiming:
+    """What board and drive demand of step and direction, in ticks of the rate clock.
+
+    Parameters
+    ----------
+    width, space : int
+        Time the step pin is active, and at least inactive [tick].
+    setup : int
+        Time by which the board keeps direction changes and pulses apart [tick].
+    div_offset : int
+        The board's period is the divisor plus this (profile switch) [tick].
+    access : int
+        Time one bus access takes [clock cycle].
+    """
+
+    width: int
+    space: int
+    setup: int
+    div_offset: int
+    access: int
+
+    @property
+    def shortest_period(self) -> int:
+        """Shortest time between two steps of one axis [tick]."""
+        return max(self.width + self.space, 1 + self.div_offset)
+
+    @property
+    def shortest_update(self) -> int:
+        """Shortest time between two updates [tick]: bus bursts and reversals must fit in."""
+        burst = -(-BURST_ACCESSES * self.access // registers.TICK_CYCLES)
+        return 2 * max(burst, self.width + 2 * self.setup)
+
+    @property
+    def max_rate(self) -> float:
+        """Highest step rate that open-loop updates hold within `DEVIATION` [step/s].
+
+        Periods are whole ticks. Over an update of U ticks a rounding of half a tick adds up to
+        U / (2 P^2) steps, so U must not exceed P^2 / 2, nor fall below what the bus can do.
+        """
+        period = max(self.shortest_period, math.ceil(math.sqrt(2 * self.shortest_update)))
+        return registers.TICK_HZ / period
+
+    def update_period(self, rate: float, acceleration: float) -> int:
+        """Return how often to write new divisors [tick].
+
+        Parameters
+        ----------
+        rate, acceleration : float
+            The most that any motor does [step/s, step/s^2].
+
+        Raises
+        ------
+        MotionLimitError
+            If ``rate`` or ``acceleration`` is more than updates can follow.
+        """
+        if rate > self.max_rate:
+            raise MotionLimitError(
+                f"usc: {rate:.0f} step/s asked, with these pulse timings (width {self.width}, "
+                f"space {self.space}, setup {self.setup} ticks of 0.1 us) the board follows a plan "
+                f"up to {self.max_rate:.0f} step/s; lower the axis velocity or the steps per mm, "
+                f"or shorten the drive's pulse times"
+            )
+        period = registers.TICK_HZ / max(rate, 1.0)
+        # within an update the plan departs from the constant rate by a U^2 / 8 [step]
+        bend = registers.TICK_HZ * math.sqrt(0.8 / max(acceleration, 1.0))
+        update = int(min(LONGEST_UPDATE, period * period / 2, bend))
+        if update < self.shortest_update:
+            if bend < self.shortest_update:
+                raise MotionLimitError(
+                    f"usc: {acceleration:.3g} step/s^2 asked, updates every "
+                    f"{self.shortest_update / 10:g} us follow up to "
+                    f"{0.8 * (registers.TICK_HZ / self.shortest_update) ** 2:.3g} step/s^2; lower "
+                    f"the axis acceleration or the steps per mm"
+                )
+            update = self.shortest_update
+        return update
+
+
+@dataclass(frozen=True)
+class Updates:
+    """Native commands: n bursts of divisors and control bytes, with what they will do.
+
+    Parameters
+    ----------
+    cycle : (n,) int64
+        Clock cycle at which the address write of each burst acts.
+    divisor : (n, 4) uint32
+        Divisors, 1 .. 2^24 - 1.
+    control : (n,) uint8
+        Rate generator control: run and direction of all axes.
+    count : (n, 4) int64
+        Position of each motor [step] when the next update takes effect.
+    """
+
+    cycle: NDArray[np.int64]
+    divisor: NDArray[np.uint32]
+    control: NDArray[np.uint8]
+    count: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.cycle)
+
+
+class Converter:
+    """Convert a trajectory to updates, in portions of any size, with the exact integer model.
+
+    The board must be out of estop, halted, with every direction bit 1 (positive) for at least the
+    setup time, and its pulse timing must be ``timing``.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Motor positions [step], at most 4 motors.
+    timing : PulseTiming
+        Of board and drive.
+    first_cycle : int
+        Clock cycle of the first burst. Time 0 of the plan is one update later.
+    update : int
+        Time between updates [tick], from `PulseTiming.update_period`.
+    """
+
+    def __init__(
+        self, trajectory: Trajectory, timing: PulseTiming, *, first_cycle: int, update: int
+    ) -> None:
+        if trajectory.axes > AXES:
+            raise MotionLimitError(
+                f"usc: the plan has {trajectory.axes} motors, one board drives {AXES}"
+            )
+        self.trajectory = trajectory
+        self.timing = timing
+        self.update_cycles = update * registers.TICK_CYCLES
+        self.start_cycle = first_cycle + self.update_cycles
+        duration = math.ceil(trajectory.duration * registers.CLOCK_HZ)
+        # one update before time 0, and three to see the last step out and halt
+        self.total = -(-duration // self.update_cycles) + 4
+        self.position = 0
+        self._first_cycle = first_cycle
+        # phase base, last pulse and earliest settled pulse [tick]; count; direction; run; piece
+        self._state = np.zeros((trajectory.axes, 7), np.int64)
+        self._state[:, 1] = -(1 << 40)  # no pulse yet
+        self._state[:, 3] = np.floor(trajectory.at(0.0)[0] + 0.5)
+        self._state[:, 4] = 1
+        self._ahead = np.full((trajectory.axes, 2), np.nan)
+
+    @property
+    def done(self) -> bool:
+        """Whether the trajectory is converted to its end."""
+        return self.position >= self.total
+
+    @property
+    def count(self) -> NDArray[np.int64]:
+        """Position of each motor after the updates converted so far [step], shape (motors,)."""
+        return self._state[:, 3].copy()
+
+    def updates_until(self, time: float) -> int:
+        """Return how many more updates reach ``time`` [s] of the plan."""
+        cycle = math.ceil(time * registers.CLOCK_HZ) + self.start_cycle
+        reach = -(-(cycle - self._first_cycle) // self.update_cycles)
+        return min(max(reach, 0), self.total) - self.position
+
+    def convert(self, count: int) -> Updates:
+        """Return the next ``count`` updates, fewer at the end.
+
+        Raises
+        ------
+        MotionLimitError
+            If the board would fall behind the plan by more than `DEVIATION` steps.
+        """
+        from pulsewright.boards.usc.commands_kernel import convert  # numba: on first use only
+
+        n = min(count, self.total - self.position)
+        cycle = (
+            self._first_cycle
+            + (self.position + np.arange(n, dtype=np.int64)) * self.update_cycles
+        )
+        updates = Updates(
+            cycle=cycle,
+            divisor=np.full((n, AXES), (1 << 24) - 1, np.uint32),
+            control=np.full(n, 0x55, np.uint8),
+            count=np.zeros((n, AXES), np.int64),
+        )
+        plan, timing = self.trajectory, self.timing
+        worst, axis, when = convert(
+            (plan.poly, plan.cosine, plan.sine, plan.omega),
+            (plan.element, plan.start, plan.law),
+            np.array(
+                [
+                    self.start_cycle,
+                    self.update_cycles,
+                    timing.width,
+                    timing.setup,
+                    timing.shortest_period,
+                    timing.div_offset,
+                    timing.access,
+                ],
+                np.int64,
+            ),
+            self._state,
+            self._ahead,
+            cycle,
+            updates.divisor,
+            updates.control,
+            updates.count,
+        )
+        if worst > DEVIATION:
+            seconds = (cycle[when] - self.start_cycle) / registers.CLOCK_HZ
+            raise MotionLimitError(
+                f"usc axis {axis}: falls {worst:.2f} steps behind the plan at {seconds:.4f} s; "
+                f"lower the velocity or acceleration of that axis"
+            )
+        self.position += n
+        return updates

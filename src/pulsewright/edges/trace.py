@@ -11,13 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.errors import UsageError
 
-FORMAT = "pulsewright-trace-1"
+FORMAT: Final = "pulsewright-trace-2"  # written and described in edges/writer.py
+ESCAPE: Final = 0xFFFFFFFF  # in a file: that many cycles without a change
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,17 +122,38 @@ class EdgeTrace:
             return f"recorded cycles {self.start}..{self.end} and {other.start}..{other.end}"
         return worst[1] if worst else None
 
+    def require_after(self, before: EdgeTrace) -> None:
+        """Check that this trace starts where ``before`` ends, with the same pins and levels.
+
+        Raises
+        ------
+        UsageError
+            Saying what differs.
+        """
+        if self.pins != before.pins:
+            changed = sorted(set(self.pins) ^ set(before.pins))
+            raise UsageError(
+                f"traces do not follow each other: pins {', '.join(self.pins)} after "
+                f"{', '.join(before.pins)} (differing: {', '.join(changed) or 'their order'})"
+            )
+        if (self.clock_hz, self.start) != (before.clock_hz, before.end):
+            raise UsageError(
+                f"traces do not follow each other: one ends at cycle {before.end} of "
+                f"{before.clock_hz} Hz, the next starts at {self.start} of {self.clock_hz} Hz"
+            )
+        jumped = np.flatnonzero(self.initial != before.final())
+        if len(jumped):
+            raise UsageError(
+                f"traces do not follow each other: between them, at cycle {self.start}, "
+                f"{', '.join(self.pins[i] for i in jumped)} changes unrecorded"
+            )
+
     def save(self, path: Path | str) -> None:
         """Write the trace to a compressed ``.npz`` that `load` and plain numpy read."""
-        np.savez_compressed(
-            path,
-            format=FORMAT,
-            clock_hz=self.clock_hz,
-            span=np.array([self.start, self.end], np.int64),
-            pins=np.array(self.pins),
-            initial=self.initial,
-            **{f"cycles_{pin}": c for pin, c in zip(self.pins, self.cycles, strict=True)},  # type: ignore[arg-type]
-        )
+        from pulsewright.edges.writer import TraceWriter
+
+        with TraceWriter(path, self.clock_hz, self.pins, self.initial, self.start) as writer:
+            writer.append(self)
 
     @classmethod
     def load(cls, path: Path | str) -> EdgeTrace:
@@ -147,7 +170,10 @@ class EdgeTrace:
                     raise UsageError(f"{path}: format {data['format']}, expected {FORMAT}")
                 pins = tuple(str(pin) for pin in data["pins"])
                 start, end = (int(n) for n in data["span"])
-                cycles = tuple(data[f"cycles_{pin}"] for pin in pins)
+                deltas = [data[f"deltas_{pin}"] for pin in pins]
+                cycles = tuple(
+                    (start + np.cumsum(delta, dtype=np.int64))[delta != ESCAPE] for delta in deltas
+                )
                 return cls(int(data["clock_hz"]), pins, data["initial"], cycles, start, end)
         except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
             if isinstance(error, UsageError):
@@ -159,11 +185,7 @@ def concatenate(traces: Sequence[EdgeTrace]) -> EdgeTrace:
     """Join traces of the same pins, each starting in the cycle where the one before it ends."""
     first = traces[0]
     for before, after in pairwise(traces):
-        if (before.pins, before.clock_hz, before.end) != (after.pins, after.clock_hz, after.start):
-            raise UsageError(
-                f"traces do not follow each other: one ends at cycle {before.end}, the next "
-                f"starts at {after.start}"
-            )
+        after.require_after(before)
     cycles = tuple(
         np.concatenate([trace.cycles[i] for trace in traces]) for i in range(len(first.pins))
     )

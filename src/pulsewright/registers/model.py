@@ -1,0 +1,330 @@
+"""A board's register map as plain data: what the generated ``registers.py`` of a room is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+from pulsewright.errors import UsageError
+
+Side = Literal["read", "write"]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A named value of a field or of a profile switch."""
+
+    name: str
+    value: int
+    desc: str = ""
+
+
+@dataclass(frozen=True)
+class Field:
+    """Bits of a register with one meaning.
+
+    Parameters
+    ----------
+    name : str
+        Lower case, as in the source: ``soft_latch``.
+    lsb, width : int
+        Lowest bit, and number of bits.
+    reset : int or None
+        Raw value after reset; None where it is not stored (a pin, a strobe).
+    unit : str
+        Of one count (before ``fracwidth``), or empty.
+    desc : str
+        Meaning, in words.
+    signed : bool
+        Two's complement.
+    fracwidth : int
+        Fraction bits of a fixed-point number; the raw value counts ``2**-fracwidth`` units.
+    per, first : str and int
+        Where not empty, every bit belongs to one ``per`` (axis, input), the lowest to ``first``.
+    clear_on_read : bool
+        Reading the register sets the field to 0.
+    formula : str
+        The quantity from the raw value; ``{name}`` stands for a profile switch.
+    choices : tuple of Choice
+        Named values; others are reserved unless the description says more.
+    """
+
+    name: str
+    lsb: int
+    width: int
+    reset: int | None
+    unit: str = ""
+    desc: str = ""
+    signed: bool = False
+    fracwidth: int = 0
+    per: str = ""
+    first: int = 0
+    clear_on_read: bool = False
+    formula: str = ""
+    choices: tuple[Choice, ...] = ()
+
+    @property
+    def msb(self) -> int:
+        """Highest bit."""
+        return self.lsb + self.width - 1
+
+    @property
+    def mask(self) -> int:
+        """Bits of the field, in place."""
+        return ((1 << self.width) - 1) << self.lsb
+
+    @property
+    def minimum(self) -> int:
+        """Smallest raw value."""
+        return -(1 << (self.width - 1)) if self.signed else 0
+
+    @property
+    def maximum(self) -> int:
+        """Largest raw value."""
+        return (1 << (self.width - self.signed)) - 1
+
+    @property
+    def bits(self) -> str:
+        """Bit range as documents write it: ``7:4`` or ``5``."""
+        return f"{self.msb}:{self.lsb}" if self.width > 1 else str(self.lsb)
+
+    def label(self, bit: int) -> str:
+        """Say what bit ``bit`` of the register is: ``soft_latch``, ``load axis 3``, ``rate[2]``."""
+        if self.per:
+            return f"{self.name} {self.per} {self.first + bit - self.lsb}"
+        return self.name if self.width == 1 else f"{self.name}[{bit - self.lsb}]"
+
+
+@dataclass(frozen=True)
+class Register:
+    """Fields at one address, or at several addresses that are used alike.
+
+    Parameters
+    ----------
+    board, name, side : str
+        Where it is: ``usc``, ``DIVISOR``, ``write``. A board's two sides are separate maps.
+    addresses : tuple of int
+        First byte of each instance, of which there is one per axis or encoder.
+    size : int
+        Bytes, low byte first at rising addresses.
+    title : str
+        For tables; ``{n}`` stands for the number of the instance.
+    fields : tuple of Field
+        From the highest bit down.
+    desc : str
+        Meaning, in words.
+    takes_effect : str
+        When a write acts.
+    aliases : tuple of int
+        Further addresses of the same register.
+    latched : str
+        Not empty: reads give a holding register; the text says what loads it.
+    assembly : str
+        Not empty: all bytes go to the register of this name, shared by several addresses.
+    commits : bool
+        Writing the highest byte hands the assembled value over.
+    min_version : int
+        Present from this ident version on.
+    follows : str
+        Profile switch that the register reads as.
+    """
+
+    board: str
+    name: str
+    side: Side
+    addresses: tuple[int, ...]
+    size: int
+    title: str
+    fields: tuple[Field, ...]
+    desc: str = ""
+    takes_effect: str = ""
+    aliases: tuple[int, ...] = ()
+    latched: str = ""
+    assembly: str = ""
+    commits: bool = False
+    min_version: int = 0
+    follows: str = ""
+
+    @property
+    def key(self) -> str:
+        """Name within its map: ``R_IDENT``, ``W_TIMER``."""
+        return f"{self.side[0].upper()}_{self.name}"
+
+    @property
+    def reset(self) -> int | None:
+        """Word after reset, or None where some field has none."""
+        word = 0
+        for field in self.fields:
+            if field.reset is None:
+                return None
+            word |= field.reset << field.lsb & field.mask
+        return word
+
+    def field(self, name: str) -> Field:
+        """Return the field ``name``.
+
+        Raises
+        ------
+        UsageError
+            If there is none; the message lists those there are.
+        """
+        for field in self.fields:
+            if field.name == name:
+                return field
+        known = ", ".join(field.name for field in self.fields)
+        raise UsageError(f"{self.board} {self.key} has no field '{name}'; its fields are {known}")
+
+    def field_at(self, bit: int) -> Field | None:
+        """Return the field that holds bit ``bit``, or None for an unused bit."""
+        return next((field for field in self.fields if field.lsb <= bit <= field.msb), None)
+
+    def label(self, instance: int | None = None, byte: int | None = None) -> str:
+        """Name the register, one instance of it, or one byte of that, for tables."""
+        numbers = f"0..{len(self.addresses) - 1}" if instance is None else str(instance)
+        text = self.title.replace("{n}", numbers)
+        if byte is None or self.size == 1:
+            return text
+        which = "low" if byte == 0 else "high" if byte == self.size - 1 else "mid"
+        if self.size > 3:
+            which = str(byte)
+        return f"{text}, {which} byte"
+
+
+@dataclass(frozen=True)
+class Place:
+    """What is at one address: byte ``byte`` of instance ``instance`` of ``register``."""
+
+    register: Register
+    instance: int
+    byte: int
+    alias: bool = False
+
+    @property
+    def label(self) -> str:
+        """The place in words."""
+        text = self.register.label(self.instance, self.byte)
+        if self.alias:
+            text += " (alias)"
+        if self.register.commits and self.byte == self.register.size - 1:
+            text += " (commits)"
+        return text
+
+
+@dataclass(frozen=True)
+class ProfileSwitch:
+    """A choice where a document is silent or contradicts itself.
+
+    Parameters
+    ----------
+    name : str
+        Key in ``PROFILES``.
+    meaning : str
+        What it decides, in words.
+    values : tuple of int
+        One per profile, in the order of `RegisterMap.profiles`.
+    minimum, maximum : int
+        Allowed values, both ends included.
+    unit : str
+        Of the value, or empty.
+    choices : tuple of Choice
+        Names of the values, if they have names.
+    """
+
+    name: str
+    meaning: str
+    values: tuple[int, ...]
+    minimum: int
+    maximum: int
+    unit: str = ""
+    choices: tuple[Choice, ...] = ()
+
+    def text(self, value: int) -> str:
+        """Write a value as its documents do: by name, or with its unit."""
+        for choice in self.choices:
+            if choice.value == value:
+                return choice.name
+        number = f"0x{value:02X}" if self.unit == "hex" else str(value)
+        return number if self.unit in ("", "hex") else f"{number} {self.unit}"
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values in words."""
+        if self.choices:
+            return ", ".join(f"{choice.name} ({choice.value})" for choice in self.choices)
+        bare = ProfileSwitch(self.name, "", (), 0, 0, "hex" if self.unit == "hex" else "")
+        return f"{bare.text(self.minimum)}..{bare.text(self.maximum)}"
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number of the board that is no register: a clock rate, a fixed time."""
+
+    name: str
+    value: int
+    unit: str
+    desc: str
+
+
+@dataclass(frozen=True)
+class RegisterMap:
+    """Everything that the register source of a board says.
+
+    Parameters
+    ----------
+    board, title, desc : str
+        Name of the room, name for people, and a text in paragraphs.
+    registers : tuple of Register
+        The read side and then the write side, by address.
+    profiles : tuple of str
+        Names of the profiles; the first is the default.
+    switches : tuple of ProfileSwitch
+        With a value for each profile.
+    constants : tuple of Constant
+        Clock rates and other fixed numbers.
+    address_bits : int
+        Bits of an address that select the register.
+    """
+
+    board: str
+    title: str
+    desc: str
+    registers: tuple[Register, ...]
+    profiles: tuple[str, ...]
+    switches: tuple[ProfileSwitch, ...]
+    constants: tuple[Constant, ...]
+    address_bits: int
+
+    @cached_property
+    def _by_key(self) -> Mapping[str, Register]:
+        return {register.key: register for register in self.registers}
+
+    @cached_property
+    def _places(self) -> Mapping[tuple[Side, int], Place]:
+        places: dict[tuple[Side, int], Place] = {}
+        for register in self.registers:
+            starts = [(at, i, False) for i, at in enumerate(register.addresses)]
+            starts += [(at, 0, True) for at in register.aliases]
+            for at, instance, alias in starts:
+                for byte in range(register.size):
+                    places[register.side, at + byte] = Place(register, instance, byte, alias)
+        return places
+
+    def __getitem__(self, key: str) -> Register:
+        """Return a register by its key, such as ``W_TIMER``.
+
+        Raises
+        ------
+        UsageError
+            If there is none; the message lists those there are.
+        """
+        try:
+            return self._by_key[key]
+        except KeyError:
+            known = ", ".join(self._by_key)
+            raise UsageError(f"{self.board} has no register '{key}'; it has {known}") from None
+
+    def at(self, side: Side, address: int) -> Place | None:
+        """Return what one side has at a register address, or None where nothing is."""
+        return self._places.get((side, address))

@@ -1,0 +1,255 @@
+"""Read a board's ``registers.rdl`` (SystemRDL 2.0). Needed to build pulsewright, not to run it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from systemrdl import RDLCompileError, RDLCompiler
+from systemrdl.messages import DetailedFileSourceRef, MessagePrinter, Severity
+from systemrdl.node import AddressableNode, AddrmapNode, FieldNode, Node, RegfileNode, RegNode
+
+from pulsewright.errors import UsageError
+from pulsewright.registers.model import (
+    Choice,
+    Constant,
+    Field,
+    ProfileSwitch,
+    Register,
+    RegisterMap,
+    Side,
+)
+
+PROPERTIES = Path(__file__).parent  # `include "properties.rdl"` is found here
+
+
+class _Messages(MessagePrinter):
+    """Collect the compiler's messages with their places, uncoloured."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def print_message(self, severity: Severity, text: str, src_ref: Any) -> None:
+        if severity >= Severity.ERROR and src_ref is not None:
+            self.lines.append(f"{_place(src_ref)}: {text}")
+
+
+def _place(src_ref: Any) -> str:
+    if isinstance(src_ref, DetailedFileSourceRef):
+        return f"{src_ref.path}:{src_ref.line}:{src_ref.line_selection[0] + 1}"
+    return str(getattr(src_ref, "path", "registers"))
+
+
+def _error(node: Node, message: str) -> UsageError:
+    return UsageError(f"{_place(node.inst.inst_src_ref)}: {node.get_path()}: {message}")
+
+
+def read(path: Path | str) -> RegisterMap:
+    """Read the register map of a board.
+
+    Parameters
+    ----------
+    path : Path or str
+        ``boards/<board>/registers.rdl``; the top address map bears the name of the folder.
+
+    Raises
+    ------
+    UsageError
+        If the file is missing, is no SystemRDL, or lacks what every map must say: the message
+        begins with file, line and column.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise UsageError(
+            f"{path}: no such register source; a board has boards/<board>/registers.rdl"
+        )
+    messages = _Messages()
+    compiler = RDLCompiler(message_printer=messages)
+    try:
+        compiler.compile_file(str(path), incl_search_paths=[str(PROPERTIES)])
+        top = compiler.elaborate().top
+    except RDLCompileError as error:
+        raise UsageError("\n".join(messages.lines) or f"{path}: {error}") from error
+    return _map(top)
+
+
+def _map(top: AddrmapNode) -> RegisterMap:
+    board = top.inst_name
+    sides = {node.inst_name: node for node in top.children()}
+    if list(sides) != ["read", "write"]:
+        raise _error(top, f"holds {', '.join(sides)}; needs the two addrmaps 'read' and 'write'")
+    profiles = tuple(_udp(top, "profiles", []))
+    switches = tuple(_switch(top, raw, len(profiles)) for raw in _udp(top, "switches", []))
+    defaults = {switch.name: switch.values[0] for switch in switches}
+    registers: list[Register] = []
+    for side in ("read", "write"):
+        found = list(_registers(board, side, sides[side], defaults))
+        registers += sorted(found, key=lambda register: register.addresses)
+    address_bits = _udp(top, "address_bits", 0)
+    if not address_bits:
+        raise _error(top, "address_bits is missing: bits of an address that select the register")
+    last = max(at + register.size for register in registers for at in register.addresses) - 1
+    if last >= 1 << address_bits:
+        raise _error(top, f"address {last:#x} does not fit in {address_bits} address bits")
+    return RegisterMap(
+        board=board,
+        title=_text(top, "name") or board,
+        desc=_text(top, "desc"),
+        registers=tuple(registers),
+        profiles=profiles,
+        switches=switches,
+        constants=tuple(
+            Constant(raw.name, raw.value, raw.unit, _join(raw.desc))
+            for raw in _udp(top, "constants", [])
+        ),
+        address_bits=address_bits,
+    )
+
+
+def _switch(top: AddrmapNode, raw: Any, profiles: int) -> ProfileSwitch:
+    if len(raw.values) != profiles:
+        raise _error(top, f"switch {raw.name} has {len(raw.values)} values for {profiles} profiles")
+    for value in raw.values:
+        if not raw.minimum <= value <= raw.maximum:
+            raise _error(top, f"switch {raw.name}: {value} is not in {raw.minimum}..{raw.maximum}")
+    choices = tuple(Choice(c.name, c.value, _join(c.desc)) for c in raw.choices)
+    return ProfileSwitch(
+        raw.name,
+        _join(raw.meaning),
+        tuple(raw.values),
+        raw.minimum,
+        raw.maximum,
+        raw.unit,
+        choices,
+    )
+
+
+def _registers(
+    board: str, side: Side, addrmap: Node, defaults: dict[str, int]
+) -> Iterator[Register]:
+    for node in addrmap.children():
+        if isinstance(node, RegNode):
+            if node.is_alias:
+                continue  # listed with its primary
+            aliases = tuple(alias.raw_address_offset for alias in node.aliases())
+            size = node.get_property("regwidth") // 8
+            follows = _udp(node, "follows", "")
+            if follows and follows not in defaults:
+                raise _error(node, f"follows '{follows}', which is no switch")
+            fields = tuple(
+                _field(field, defaults.get(follows)) for field in reversed(list(node.fields()))
+            )
+        elif isinstance(node, RegfileNode) and _udp(node, "assembled", False):
+            aliases = ()
+            size, fields = _assembled(node)
+            follows = ""
+        else:
+            raise _error(node, "is neither a register nor an assembled regfile")
+        takes_effect = _text(node, "takes_effect")
+        if side == "write" and not takes_effect:
+            raise _error(node, "takes_effect is missing: when does a write act?")
+        if not _text(node, "desc"):
+            raise _error(node, "desc is missing")
+        yield Register(
+            board=board,
+            name=node.inst_name.upper(),
+            side=side,
+            addresses=_addresses(node),
+            size=size,
+            title=_text(node, "name") or node.inst_name,
+            fields=fields,
+            desc=_text(node, "desc"),
+            takes_effect=takes_effect,
+            aliases=aliases,
+            latched=_text(node, "latched"),
+            assembly=_udp(node, "assembly", "").upper(),
+            commits=_udp(node, "commits", False),
+            min_version=_udp(node, "min_version", 0),
+            follows=follows,
+        )
+
+
+def _addresses(node: AddressableNode) -> tuple[int, ...]:
+    start = node.raw_address_offset
+    if not node.is_array:
+        return (start,)
+    dimensions, stride = node.array_dimensions, node.array_stride
+    if dimensions is None or stride is None or len(dimensions) != 1:
+        raise _error(node, "an array of registers has one dimension")
+    return tuple(start + i * stride for i in range(dimensions[0]))
+
+
+def _field(node: FieldNode, word: int | None) -> Field:
+    """Read a field; ``word`` is the value that the whole register follows, if it follows one."""
+    reset = node.get_property("reset")
+    if word is not None:
+        reset = word >> node.low & ((1 << node.width) - 1)
+    if reset is None and node.is_sw_writable:
+        raise _error(node, "reset is missing: what does it hold after reset?")
+    if not _text(node, "desc"):
+        raise _error(node, "desc is missing")
+    encode = node.get_property("encode")
+    choices = [] if encode is None else list(encode)
+    on_read = node.get_property("onread")
+    return Field(
+        name=node.inst_name,
+        lsb=node.low,
+        width=node.width,
+        reset=reset if isinstance(reset, int) else None,
+        unit=_text(node, "unit"),
+        desc=_text(node, "desc"),
+        signed=bool(_udp(node, "is_signed", False)),
+        fracwidth=_udp(node, "fracwidth", 0),
+        per=_text(node, "per"),
+        first=_udp(node, "first", 0),
+        clear_on_read=on_read is not None and on_read.name == "rclr",
+        formula=_text(node, "formula"),
+        choices=tuple(Choice(c.name, c.value, _join(c.rdl_desc or "")) for c in choices),
+    )
+
+
+def _assembled(node: RegfileNode) -> tuple[int, tuple[Field, ...]]:
+    """Make one value of the bytes of an assembled regfile: its size and its field."""
+    parts = [child for child in node.children() if isinstance(child, RegNode)]
+    reset: int | None = 0
+    for byte, part in enumerate(parts):
+        fields = part.fields()
+        if part.raw_address_offset != byte or [(f.low, f.width) for f in fields] != [(0, 8)]:
+            raise _error(
+                part, "a byte of an assembled value is one 8-bit field at the next address"
+            )
+        value = fields[0].get_property("reset")
+        reset = None if reset is None or value is None else reset | int(value) << 8 * byte
+    for one, other in pairwise(parts):
+        if one.has_sw_writable != other.has_sw_writable:
+            raise _error(other, "the bytes of an assembled value are all read or all written")
+    field = Field(
+        name="value",
+        lsb=0,
+        width=8 * len(parts),
+        reset=reset,
+        unit=_text(node, "unit"),
+        desc="Low byte first.",
+        signed=bool(_udp(node, "is_signed", False)),
+        fracwidth=_udp(node, "fracwidth", 0),
+        formula=_text(node, "formula"),
+    )
+    return len(parts), (field,)
+
+
+def _udp(node: Node, name: str, default: Any) -> Any:
+    """Return a user-defined property, or ``default`` where it is not set."""
+    value = node.get_property(name, default=default)
+    return default if value is None else value
+
+
+def _text(node: Node, name: str) -> str:
+    return _join(_udp(node, name, "") if name in node.list_properties() else "")
+
+
+def _join(text: str) -> str:
+    """Undo the line breaks of the source; an empty line parts paragraphs."""
+    paragraphs = "\n".join(line.strip() for line in text.splitlines()).split("\n\n")
+    return "\n\n".join(" ".join(p.split()) for p in paragraphs if p.strip())

@@ -65,5 +65,9 @@ class BusTimeoutError(BusError, TimeoutError):
     """No board acknowledged a bus cycle in time."""
 
 
+class EstopError(PulsewrightError):
+    """A board that is in emergency stop where it should run."""
+
+
 class CheckFailedError(PulsewrightError):
     """A check that ran to its end and found a difference or a violated limit."""

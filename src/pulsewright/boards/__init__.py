@@ -1,1 +1,80 @@
 """The boards, one room each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, Literal, overload
+
+from pulsewright.boards import usc
+from pulsewright.boards.board import Board
+from pulsewright.errors import UsageError
+
+if TYPE_CHECKING:
+    from pulsewright.boards.usc.driver import UscDriver
+    from pulsewright.transport.bus import EppBus
+
+BOARDS: Final = {board.name: board for board in (usc.BOARD,)}
+LINKS: Final = {"twin:": "a new simulated board in this process"}
+
+
+def get(name: str) -> Board:
+    """Return what the room ``name`` offers.
+
+    Raises
+    ------
+    UsageError
+        If there is no such board; the message lists those there are.
+    """
+    try:
+        return BOARDS[name]
+    except KeyError:
+        raise UsageError(f"no board '{name}'; the boards are {', '.join(BOARDS)}") from None
+
+
+@overload
+def open_board(
+    name: Literal["usc"], link: str = ..., profile: str | None = ..., **switches: int
+) -> UscDriver: ...
+@overload
+def open_board(name: str, link: str = ..., profile: str | None = ..., **switches: int) -> Any: ...
+
+
+def open_board(name: str, link: str = "twin:", profile: str | None = None, **switches: int) -> Any:
+    """Open a board behind a link and return its driver. Nothing is sent to the board yet.
+
+    Parameters
+    ----------
+    name : str
+        A key of `BOARDS`.
+    link : str
+        ``twin:``, a new simulated board, in its reset state.
+    profile : str, optional
+        How contradictions in the board's document are resolved; see the README of its room.
+    **switches : int
+        Profile switches that differ from the profile.
+
+    Raises
+    ------
+    UsageError
+        If the board, link, profile or a switch is unknown.
+
+    Examples
+    --------
+    >>> with open_board("usc") as board:
+    ...     board.initialise()
+    ...     board.release_estop()
+    ...     board.set_step_rate(0, 30_000.0)
+    30030.03003003003
+    """
+    board = get(name)
+    profile = board.default_profile if profile is None else profile
+    board.switches(profile, **switches)
+    return board.driver(_open_bus(board, link, profile, switches), profile, **switches)
+
+
+def _open_bus(board: Board, link: str, profile: str, switches: dict[str, int]) -> EppBus:
+    if link != "twin:":
+        usable = "; ".join(f"'{url}' ({what})" for url, what in LINKS.items())
+        raise UsageError(f"link '{link}' is not one that can be opened here; usable are {usable}")
+    from pulsewright.transport.virtual import VirtualEppBus
+
+    return VirtualEppBus(board.twin(profile, **switches))

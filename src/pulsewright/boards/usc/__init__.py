@@ -1,1 +1,44 @@
 """Pico Systems Universal Stepper Controller."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from pulsewright.boards.board import Board
+from pulsewright.boards.usc.registers import DEFAULT_PROFILE, PROFILES
+
+if TYPE_CHECKING:
+    from pulsewright.boards.usc.driver import UscDriver
+    from pulsewright.boards.usc.twin import UscTwin
+    from pulsewright.registers.model import RegisterMap
+    from pulsewright.transport.bus import EppBus
+
+
+def _registers() -> RegisterMap:
+    from pulsewright.boards.usc.registers import MAP
+
+    return MAP
+
+
+def _twin(profile: str = DEFAULT_PROFILE, **switches: int) -> UscTwin:
+    from pulsewright.boards.usc.twin import UscTwin
+
+    return UscTwin(profile=profile, **switches)
+
+
+def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> UscDriver:
+    from pulsewright.boards.usc.driver import UscDriver
+
+    return UscDriver(bus, profile=profile, **switches)
+
+
+BOARD: Final = Board(
+    name="usc",
+    title="Universal Stepper Controller (USC)",
+    document="Pico Systems, Universal Stepper Controller Register Definition",
+    profiles=PROFILES,
+    default_profile=DEFAULT_PROFILE,
+    registers=_registers,
+    twin=_twin,
+    driver=_driver,
+)

@@ -1,11 +1,11 @@
 """Planned motion to divisors: what a Universal Stepper Controller runs natively.
 
 The board divides 10 MHz by P ticks per axis; the host may set new divisors at any time, here every
-*update*. The phase-exact law: a counter that has counted E ticks since the last step, under period
-P, is at phase E / P of the next one. So at each update, with E the ticks from the last step to the
-*next* update and f the phase that the plan wants there, P = E / f. Whatever rounding did before is
-in E and in the count, so nothing accumulates. Steps aim at the plan's half steps: count and plan
-differ by half a step at most, plus what the plan bends within one update.
+*update*. A new divisor does not disturb the phase: the counter has counted E ticks since the last
+step and goes on. The phase-exact law: a step is due when the plan passes the middle between two
+positions; if n steps are due before the next update and the last of them T ticks from now, then
+P = (E + T) / n. Whatever rounding did before is in E and in the count, so nothing accumulates.
+Count and plan differ by half a step at most, plus what the plan bends within one update.
 
 The model is integer and exact: it knows the tick of every pulse before the board makes it. It
 holds because no command lets a pulse fall due while the board's pulse former would delay it.
@@ -21,18 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.usc import registers
+from pulsewright.boards.usc.burst import AXES, BURST_ACCESSES
 from pulsewright.errors import MotionLimitError
 from pulsewright.motion.trajectory import Trajectory
-
-AXES: Final = len(registers.W_DIVISOR)
-
-# A burst is an address write (access 0) and 13 data writes from the first divisor to the control
-# register; each access takes the same time. These are the accesses whose write takes effect: the
-# high byte of each divisor, and run and direction of all axes.
-BURST_ADDRESS: Final = registers.W_DIVISOR[0]
-BURST_ACCESSES: Final = 2 + registers.W_RATE_CONTROL - BURST_ADDRESS
-DIVISOR_ACCESS: Final = tuple(address + 3 - BURST_ADDRESS for address in registers.W_DIVISOR)
-CONTROL_ACCESS: Final = BURST_ACCESSES - 1
 
 LONGEST_UPDATE: Final = 10_000  # [tick]: 1 ms, well within the watchdog's 10 ms
 DEVIATION: Final = 1.1  # what the conversion promises [step]
@@ -211,8 +202,7 @@ class Converter:
 
         n = min(count, self.total - self.position)
         cycle = (
-            self._first_cycle
-            + (self.position + np.arange(n, dtype=np.int64)) * self.update_cycles
+            self._first_cycle + (self.position + np.arange(n, dtype=np.int64)) * self.update_cycles
         )
         updates = Updates(
             cycle=cycle,

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pulsewright.boards.usc import registers
-from pulsewright.boards.usc.commands import CONTROL_ACCESS, DIVISOR_ACCESS
+from pulsewright.boards.usc.burst import CONTROL_ACCESS, DIVISOR_ACCESS
 from pulsewright.motion.evaluate import coordinate, path_coordinate, piece_at
 
 TICK_CYCLES: Final = registers.TICK_CYCLES
@@ -47,8 +47,8 @@ def convert(
 ) -> tuple[float, int, int]:
     """Fill ``divisor``, ``control`` and ``count`` for updates at ``cycle``; advance ``state``.
 
-    ``ahead`` (motors, 2) holds the planned positions at the end of the next two updates, NaN before
-    the first call. Returns the largest distance from the plan at an update [step], its axis and
+    ``ahead`` (motors, 2) holds the planned positions when the next two updates act, NaN before the
+    first call. Returns the largest distance from the plan at an update [step], its axis and
     the index of its update.
     """
     origin, update, width, setup, shortest, offset, access = parameters
@@ -60,9 +60,10 @@ def convert(
             commit = (cycle[j] + DIVISOR_ACCESS[i] * access) // TICK_CYCLES + 1  # divisor acts
             end = commit + update // TICK_CYCLES  # and until here
             if math.isnan(ahead[i, 0]):
-                ahead[i, 0] = position(geometry, law, state, i, end * TICK_CYCLES - origin)
-            else:
-                ahead[i, 0] = ahead[i, 1]
+                ahead[i, 0] = position(geometry, law, state, i, commit * TICK_CYCLES - origin)
+                ahead[i, 1] = position(geometry, law, state, i, end * TICK_CYCLES - origin)
+            now = ahead[i, 0]
+            ahead[i, 0] = ahead[i, 1]
             after = (end + update // TICK_CYCLES) * TICK_CYCLES - origin
             ahead[i, 1] = position(geometry, law, state, i, after)
             target, change = ahead[i, 0], ahead[i, 1] - ahead[i, 0]
@@ -84,14 +85,18 @@ def convert(
             elapsed = end - base
             period = LONGEST_PERIOD + 1  # halt
             if steps >= 1:
-                period = int(elapsed / phase + 0.5)
+                # the last step falls when the plan passes its half step, the others evenly before
+                before = direction * (now - state[i, COUNT]) + 0.5
+                share = (steps - before) / (phase - before) if phase > before else 0.0
+                last = commit + int(min(max(share, 0.0), 1.0) * (end - commit))
+                period = (last - base + steps // 2 + 1) // steps
                 period = min(max(period, elapsed // (steps + 1) + 1), elapsed // steps)
                 earliest = max(first, state[i, SETTLED], state[i, PULSE] + shortest)
                 if base + period - 1 < earliest:
                     rest = end - first - 1
                     if steps >= 2 and earliest == first:
-                        # overdue: a pulse at once, the others evenly over the rest
-                        period = int(rest / (phase - 1.0) + 0.5)
+                        # overdue: a pulse at once, the others evenly after it
+                        period = (last - first) // (steps - 1)
                         period = min(max(period, rest // steps + 1), rest // (steps - 1))
                         period = min(period, first - base + 1)
                     else:

@@ -1,0 +1,137 @@
+"""The command line: one function per command, each a thin layer over a call anyone can make."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pulsewright.errors import BusError, CheckFailedError, PulsewrightError
+
+# plain help: rich help costs more time to import than everything else together
+app = typer.Typer(
+    name="pulsewright",
+    help="FPGA motion control from register map to moving machine.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+)
+
+ProgramFile = Annotated[Path, typer.Argument(metavar="FILE", help="G-code program.")]
+MachineFile = Annotated[
+    Path | None, typer.Option("--machine", metavar="TOML", help="Machine file; default built in.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+
+
+def _print_json(value: Any) -> None:
+    print(json.dumps(value, indent=2))
+
+
+@app.command()
+def run(
+    file: ProgramFile,
+    machine: MachineFile = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board; default as the machine file says.")
+    ] = None,
+    profile: Annotated[
+        str | None, typer.Option(help="Profile of the board's document switches.")
+    ] = None,
+    link: Annotated[str | None, typer.Option(metavar="URL", help="Link to the board.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where reports go; default out/<program>.")
+    ] = None,
+    vcd: Annotated[bool, typer.Option("--vcd", help="Write trace.vcd too, for GTKWave.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Interpret, plan, convert, run and verify a program; exit 0 only if every check passes."""
+    from pulsewright.app import run as job_module
+    from pulsewright.app.progress import progress
+
+    with progress() as report_progress:
+        result = job_module.run_file(
+            file,
+            machine=machine,
+            board=board,
+            profile=profile,
+            link=link,
+            out=out,
+            vcd=vcd,
+            progress=report_progress,
+        )
+    if as_json:
+        _print_json(result.summary())
+    else:
+        print(result.text())
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+@app.command()
+def plan(file: ProgramFile, machine: MachineFile = None, as_json: Json = False) -> None:
+    """Plan a program without running it: time, statistics and the certificate of its limits."""
+    from pulsewright.app import run as job_module
+    from pulsewright.app.progress import progress
+
+    with progress() as report_progress:
+        job = job_module.Job.from_gcode(file, machine=machine, progress=report_progress)
+    if as_json:
+        _print_json(job.summary())
+    else:
+        print(job.text())
+
+
+@app.command()
+def regs(
+    board: Annotated[str, typer.Argument(metavar="BOARD", help="For example usc.")],
+    output: Annotated[
+        str, typer.Option("--format", help="table, md, json, c or html.", metavar="FORMAT")
+    ] = "table",
+) -> None:
+    """Print the register map of a board."""
+    from pulsewright.app.regs import render
+
+    print(render(board, output))
+
+
+@app.command()
+def bench(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="twin or job; default: all.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Measure speed against real time, side by side in one run."""
+    from pulsewright.app import bench as bench_module
+    from pulsewright.app.progress import progress
+
+    with progress() as report_progress:
+        results = bench_module.run(name, progress=report_progress)
+    if as_json:
+        _print_json(results)
+    else:
+        print(bench_module.text(results))
+
+
+def main() -> None:
+    """Run the command line; errors become one line and an exit code.
+
+    2: unusable request or input; 1: a check failed or the link was lost; 130: interrupted.
+    """
+    try:
+        sys.exit(app(standalone_mode=False))
+    except PulsewrightError as error:
+        print(f"pulsewright: {error}", file=sys.stderr)
+        sys.exit(1 if isinstance(error, CheckFailedError | BusError) else 2)
+    except (KeyboardInterrupt, typer.Abort):
+        print("pulsewright: interrupted", file=sys.stderr)
+        sys.exit(130)
+    except Exception as error:
+        if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # usage, from typer
+            print(f"pulsewright: {error.format_message()}", file=sys.stderr)
+            sys.exit(int(error.exit_code))
+        raise

@@ -1,4 +1,4 @@
-"""A board's register map as plain data: what the generated ``registers.py`` of a room is made of."""
+"""A board's register map as plain data: what a room's generated ``registers.py`` is made of."""
 
 from __future__ import annotations
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
+import re
+from collections.abc import Container, Iterator
 from pathlib import Path
 from typing import Any
 
-from systemrdl import RDLCompileError, RDLCompiler
-from systemrdl.messages import DetailedFileSourceRef, MessagePrinter, Severity
+from systemrdl.compiler import RDLCompiler
+from systemrdl.messages import MessagePrinter, RDLCompileError, Severity
 from systemrdl.node import AddressableNode, AddrmapNode, FieldNode, Node, RegfileNode, RegNode
+from systemrdl.source_ref import DetailedFileSourceRef
 
 from pulsewright.errors import UsageError
 from pulsewright.registers.model import (
@@ -42,8 +43,12 @@ def _place(src_ref: Any) -> str:
     return str(getattr(src_ref, "path", "registers"))
 
 
-def _error(node: Node, message: str) -> UsageError:
-    return UsageError(f"{_place(node.inst.inst_src_ref)}: {node.get_path()}: {message}")
+def _error(node: Node, message: str, named: str = "") -> UsageError:
+    """Make an error that points at a node, or at its property ``named`` where it has that."""
+    inst = node.inst
+    known = [inst.property_src_ref.get(named), inst.inst_src_ref, inst.def_src_ref]
+    place = next(_place(ref) for ref in known if isinstance(ref, DetailedFileSourceRef))
+    return UsageError(f"{place}: {node.get_path()}: {message}")
 
 
 def read(path: Path | str) -> RegisterMap:
@@ -62,9 +67,7 @@ def read(path: Path | str) -> RegisterMap:
     """
     path = Path(path)
     if not path.is_file():
-        raise UsageError(
-            f"{path}: no such register source; a board has boards/<board>/registers.rdl"
-        )
+        raise UsageError(f"{path}: no such file; a board has boards/<board>/registers.rdl")
     messages = _Messages()
     compiler = RDLCompiler(message_printer=messages)
     try:
@@ -92,7 +95,9 @@ def _map(top: AddrmapNode) -> RegisterMap:
         raise _error(top, "address_bits is missing: bits of an address that select the register")
     last = max(at + register.size for register in registers for at in register.addresses) - 1
     if last >= 1 << address_bits:
-        raise _error(top, f"address {last:#x} does not fit in {address_bits} address bits")
+        raise _error(
+            top, f"address {last:#x} does not fit in {address_bits} address bits", "address_bits"
+        )
     return RegisterMap(
         board=board,
         title=_text(top, "name") or board,
@@ -109,11 +114,19 @@ def _map(top: AddrmapNode) -> RegisterMap:
 
 
 def _switch(top: AddrmapNode, raw: Any, profiles: int) -> ProfileSwitch:
-    if len(raw.values) != profiles:
-        raise _error(top, f"switch {raw.name} has {len(raw.values)} values for {profiles} profiles")
+    if not profiles or len(raw.values) != profiles:
+        raise _error(
+            top,
+            f"switch {raw.name} has {len(raw.values)} values for {profiles} profiles",
+            "switches",
+        )
     for value in raw.values:
         if not raw.minimum <= value <= raw.maximum:
-            raise _error(top, f"switch {raw.name}: {value} is not in {raw.minimum}..{raw.maximum}")
+            raise _error(
+                top,
+                f"switch {raw.name}: {value} is not in {raw.minimum}..{raw.maximum}",
+                "switches",
+            )
     choices = tuple(Choice(c.name, c.value, _join(c.desc)) for c in raw.choices)
     return ProfileSwitch(
         raw.name,
@@ -137,7 +150,7 @@ def _registers(
             size = node.get_property("regwidth") // 8
             follows = _udp(node, "follows", "")
             if follows and follows not in defaults:
-                raise _error(node, f"follows '{follows}', which is no switch")
+                raise _error(node, f"follows '{follows}', which is no switch", "follows")
             fields = tuple(
                 _field(field, defaults.get(follows)) for field in reversed(list(node.fields()))
             )
@@ -147,6 +160,7 @@ def _registers(
             follows = ""
         else:
             raise _error(node, "is neither a register nor an assembled regfile")
+        _check(node, side, fields, addrmap, defaults)
         takes_effect = _text(node, "takes_effect")
         if side == "write" and not takes_effect:
             raise _error(node, "takes_effect is missing: when does a write act?")
@@ -171,6 +185,27 @@ def _registers(
         )
 
 
+def _check(
+    node: RegNode | RegfileNode,
+    side: Side,
+    fields: tuple[Field, ...],
+    addrmap: Node,
+    switches: Container[str],
+) -> None:
+    """Refuse a register on the wrong side, or one that refers to what is not there."""
+    for part in [node] if isinstance(node, RegNode) else node.registers():
+        access = [part.has_sw_readable, part.has_sw_writable]
+        if access != [side == "read", side == "write"]:
+            raise _error(part, f"is in addrmap '{side}'; set sw = {side[0]}")
+    assembly = _udp(node, "assembly", "")
+    if assembly and addrmap.get_child_by_name(assembly) is None:
+        raise _error(node, f"assembly '{assembly}' is no register beside it", "assembly")
+    for field in fields:
+        for name in re.findall(r"{(.*?)}", field.formula):
+            if name not in switches:
+                raise _error(node, f"formula of {field.name}: '{name}' is no switch")
+
+
 def _addresses(node: AddressableNode) -> tuple[int, ...]:
     start = node.raw_address_offset
     if not node.is_array:
@@ -191,7 +226,7 @@ def _field(node: FieldNode, word: int | None) -> Field:
     if not _text(node, "desc"):
         raise _error(node, "desc is missing")
     encode = node.get_property("encode")
-    choices = [] if encode is None else list(encode)
+    choices = [] if encode is None else encode.members.values()
     on_read = node.get_property("onread")
     return Field(
         name=node.inst_name,
@@ -217,14 +252,9 @@ def _assembled(node: RegfileNode) -> tuple[int, tuple[Field, ...]]:
     for byte, part in enumerate(parts):
         fields = part.fields()
         if part.raw_address_offset != byte or [(f.low, f.width) for f in fields] != [(0, 8)]:
-            raise _error(
-                part, "a byte of an assembled value is one 8-bit field at the next address"
-            )
+            raise _error(part, "each byte of an assembled value is one 8-bit field")
         value = fields[0].get_property("reset")
-        reset = None if reset is None or value is None else reset | int(value) << 8 * byte
-    for one, other in pairwise(parts):
-        if one.has_sw_writable != other.has_sw_writable:
-            raise _error(other, "the bytes of an assembled value are all read or all written")
+        reset = reset | value << 8 * byte if reset is not None and isinstance(value, int) else None
     field = Field(
         name="value",
         lsb=0,

@@ -191,14 +191,14 @@ MAP: Final = RegisterMap(
         "15 digital inputs, 7 outputs, an estop chain with watchdog, and one 8-bit DAC or extra "
         "output port.\n"
         "\n"
-        "An EPP address byte selects the board with bits 7:5 and the register with "
-        "bits 4:0 (the document writes 4 + 5 bits and gives 3 + 5 as its example). After each data "
-        "byte the register address increments and wraps from 1F to 00 in the same board (ours). "
-        "Values of several bytes go low byte first.\n"
+        "An EPP address byte selects the board with bits 7:5 and the register with bits 4:0 (the "
+        "document writes 4 + 5 bits and gives 3 + 5 as its example). After each data byte the "
+        "register address increments and wraps from 1F to 00 in the same board (ours). Values of "
+        "several bytes go low byte first.\n"
         "\n"
-        "Addresses without a register read 00 and "
-        "ignore writes (ours). Bus reset (nINIT low) resets every register, counter and holding "
-        "register and enters estop. Rewriting a register with an equal value restarts nothing."
+        "Addresses without a register read 00 and ignore writes (ours). Bus reset (nINIT low) "
+        "resets every register, counter and holding register and enters estop. Rewriting a "
+        "register with an equal value restarts nothing."
     ),
     registers=(
         Register(
@@ -391,7 +391,6 @@ MAP: Final = RegisterMap(
                         "Time between latch events of the timer; 0 = none. The document's table is "
                         "empty, the time is ours; a new rate does not restart the timer."
                     ),
-                    formula="rate * 100 us",
                 ),
             ),
             desc=(
@@ -437,9 +436,9 @@ MAP: Final = RegisterMap(
                     reset=0x00,
                     desc=(
                         "Load position: while the bit is 1, the encoder's counter follows the "
-                        "assembly register, and its counts are lost. Several axes may load the same"
-                        " value. The document sets it, holds it for at least 2 us and clears it; "
-                        "the client sets it first and writes the value afterwards."
+                        "assembly register, and its counts are lost. Several axes may load the "
+                        "same value. The document sets it, holds it for at least 2 us and clears "
+                        "it; the client sets it first and writes the value afterwards."
                     ),
                     per="axis",
                 ),
@@ -481,8 +480,8 @@ MAP: Final = RegisterMap(
             ),
             desc="Not in the document. Boards of version 1 ignore it (switch `ident`).",
             takes_effect=(
-                "at the next rising index edge of the axis, and at every later one until the bit is"
-                " written 0"
+                "at the next rising index edge of the axis, and at every later one until the bit "
+                "is written 0"
             ),
             min_version=2,
         ),
@@ -531,9 +530,9 @@ MAP: Final = RegisterMap(
                 ),
             ),
             desc=(
-                "Step rate: pulses of the rate clock between two steps. 0, illegal in the document,"
-                " halts the axis. A counter that exceeds a new divisor steps at once, and once "
-                "only. All 12 bytes and the control register after them can be written in one "
+                "Step rate: pulses of the rate clock between two steps. 0, illegal in the "
+                "document, halts the axis. A counter that exceeds a new divisor steps at once, and "
+                "once only. All 12 bytes and the control register after them can be written in one "
                 "burst."
             ),
             takes_effect="at the write of the high byte, for the tick after it",

@@ -40,6 +40,9 @@ DAC_CODES: Final = reg.W_DAC_VALUE_MASK
 DAC_FULL_SCALE: Final = 10.0  # [V]
 CLIENT_PULSE_WIDTH: Final = 4e-6  # defaults of the client [s]
 CLIENT_SETUP_TIME: Final = 10e-6
+BYTE_WEIGHTS: Final = np.array([1, 1 << 8, 1 << 16])  # low byte first
+LATCH_RETRIES: Final = 4
+RATE_SLACK: Final = 1e-9  # rates that were computed from a period may miss it by rounding
 STREAM_BURSTS: Final = 4096  # per call of the bus: 0.9 MB of accesses
 
 RUN: Final = (
@@ -69,7 +72,8 @@ TYPES: Final = {
     USC_TYPE: "USC",
     5: "UPC",
 }
-SLOTS: Final = 16  # places of 16 addresses each; a USC takes two
+SLOTS: Final = 16  # places of 16 addresses each
+TWO_SLOTS: Final = (USC_TYPE, 5)  # types with 32 addresses
 
 
 @dataclass(frozen=True)
@@ -127,12 +131,12 @@ def find_boards(bus: EppBus) -> tuple[FoundBoard, ...]:
     """
     accesses = np.concatenate([read_accesses(slot << 4 | reg.R_IDENT, 1) for slot in range(SLOTS)])
     bus.transact(accesses)
-    answers = accesses["value"][1::2]
-    return tuple(
-        FoundBoard(slot, int(ident))
-        for slot, ident in enumerate(answers)
-        if ident != 0x00 and ident & 0x0F != 0x0F
-    )
+    found: list[FoundBoard] = []
+    for slot, ident in enumerate(accesses["value"][1::2].tolist()):
+        behind = found and found[-1].type in TWO_SLOTS and found[-1].slot == slot - 1
+        if ident != 0x00 and ident & 0x0F != 0x0F and not behind:
+            found.append(FoundBoard(slot, ident))
+    return tuple(found)
 
 
 def extend_counts(previous: NDArray[np.int64], raw: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -465,8 +469,11 @@ class UscDriver:
             *self._held(reg.W_TIMER, latch, self._timer),
             self._reading(reg.R_ENCODER_COUNT[0], 3 * AXES),
         )
-        data = accesses["value"][-3 * AXES :].reshape(AXES, 3).astype(np.int64)
-        self._position = extend_counts(self._position, data @ np.array([1, 1 << 8, 1 << 16]))
+        data = bytes(accesses["value"][-3 * AXES :])
+        if self._timer:
+            data = self._read_settled(data)
+        counts = np.frombuffer(data, np.uint8).reshape(AXES, 3).astype(np.int64)
+        self._position = extend_counts(self._position, counts @ BYTE_WEIGHTS)
         return self._position.copy()
 
     def load_position(self, axis: int, count: int) -> None:
@@ -653,6 +660,7 @@ class UscDriver:
     def release_estop(self) -> None:
         """Halt all axes, feed the watchdog, leave emergency stop, and make sure of it.
 
+        Directions become positive, as after `initialise`.
         From now on the watchdog wants to be fed: by `set_step_rates`, `stream` or `feed_watchdog`.
 
         Raises
@@ -660,7 +668,7 @@ class UscDriver:
         EstopError
             If the board stays in emergency stop; names the likely cause.
         """
-        self._control &= ~ALL_RUN
+        self._control = ALL_FORWARD
         stopped = self._outputs & reg.W_OUTPUTS_SSR_MASK
         self._outputs = stopped | reg.W_OUTPUTS_ESTOP_RELEASE_MASK
         accesses = self._send(
@@ -791,6 +799,17 @@ class UscDriver:
             *self._held(self._encoder_control_at, control, self._index_select),
         ]
 
+    def _read_settled(self, data: bytes) -> bytes:
+        """Read the counts until they equal ``data``: the timer may latch between two bytes."""
+        for _ in range(LATCH_RETRIES):
+            before, data = data, self._read(reg.R_ENCODER_COUNT[0], 3 * AXES)
+            if data == before:
+                return data
+        raise BusError(
+            f"usc base {self.base}: the latch timer changes the counts faster than this link reads "
+            f"them; set_master_timer to a lower rate or 0"
+        )
+
     def _sense_index(self) -> None:
         """Collect index sense bits: reading clears those of all axes."""
         sense = self._read(reg.R_INDEX_SENSE, 1)[0]
@@ -832,18 +851,15 @@ class UscDriver:
         control |= FORWARD[axis] if not rate < 0 else 0
         if rate == 0:
             return int(self._divisor[axis]), control
-        shortest = self._shortest_period(self._width)
-        longest = MAX_DIVISOR + self.div_offset
-        # half a tick up, as the client rounds; an infinite rate has period 0
-        exact = reg.TICK_HZ / abs(rate) + 0.5
-        period = math.floor(exact) if exact < COUNT_RANGE << 1 else COUNT_RANGE << 1
-        if not shortest <= period <= longest:
+        slowest = reg.TICK_HZ / (MAX_DIVISOR + self.div_offset)
+        fastest = self.max_step_rate()
+        if not slowest * (1 - RATE_SLACK) <= abs(rate) <= fastest * (1 + RATE_SLACK):
             raise RegisterValueError(
-                f"usc axis {axis}: {rate:g} step/s asked, allowed are 0 and "
-                f"{reg.TICK_HZ / longest:.4g}..{reg.TICK_HZ / shortest:.6g} step/s either way "
-                f"with a pulse width of {self._width * TICK * 1e6:g} us; change feed, steps per mm "
-                f"or pulse width"
+                f"usc axis {axis}: {rate:g} step/s asked, allowed are 0 and {slowest:.4g}.."
+                f"{fastest:.6g} step/s either way with a pulse width of "
+                f"{self._width * TICK * 1e6:g} us; change feed, steps per mm or pulse width"
             )
+        period = math.floor(reg.TICK_HZ / abs(rate) + 0.5)  # half a tick up, as the client rounds
         return period - self.div_offset, control | RUN[axis]
 
     def _rate_burst(self) -> NDArray[np.void]:

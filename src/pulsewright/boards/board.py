@@ -22,8 +22,8 @@ class Board:
         Name for people.
     document : str
         The published document that describes the board.
-    profiles : mapping of str to mapping of str to int
-        Values of the profile switches, by profile.
+    profiles : tuple of str
+        Ways to resolve the contradictions of the document.
     default_profile : str
         One of ``profiles``.
     registers : callable
@@ -37,7 +37,7 @@ class Board:
     name: str
     title: str
     document: str
-    profiles: Mapping[str, Mapping[str, int]]
+    profiles: tuple[str, ...]
     default_profile: str
     registers: Callable[[], RegisterMap]
     twin: Callable[..., Any]
@@ -51,24 +51,38 @@ class Board:
         UsageError
             If the profile or a switch is unknown, or a value is not allowed.
         """
-        profile = self.default_profile if profile is None else profile
-        if profile not in self.profiles:
+        return resolve_switches(
+            self.registers(), self.default_profile if profile is None else profile, changes
+        )
+
+
+def resolve_switches(
+    registers: RegisterMap, profile: str, changes: Mapping[str, int]
+) -> dict[str, int]:
+    """Return the switches of a profile, with ``changes`` made.
+
+    Raises
+    ------
+    UsageError
+        If the profile or a switch is unknown, or a value is not allowed.
+    """
+    board = registers.board
+    if profile not in registers.profiles:
+        raise UsageError(
+            f"{board} has no profile '{profile}'; it has {', '.join(registers.profiles)}"
+        )
+    column = registers.profiles.index(profile)
+    switches = {switch.name: switch.values[column] for switch in registers.switches}
+    unknown = changes.keys() - switches.keys()
+    if unknown:
+        raise UsageError(
+            f"{board} has no profile switch '{min(unknown)}'; it has {', '.join(switches)}"
+        )
+    switches |= changes
+    for switch in registers.switches:
+        if not switch.minimum <= switches[switch.name] <= switch.maximum:
             raise UsageError(
-                f"{self.name} has no profile '{profile}'; it has {', '.join(self.profiles)}"
+                f"{board}: profile switch {switch.name} = {switches[switch.name]} asked, allowed "
+                f"are {switch.allowed}"
             )
-        chosen = dict(self.profiles[profile])
-        for name, value in changes.items():
-            if name not in chosen:
-                raise UsageError(
-                    f"{self.name} has no profile switch '{name}'; it has {', '.join(chosen)}"
-                )
-            chosen[name] = value
-        if changes:
-            for switch in self.registers().switches:
-                value = chosen[switch.name]
-                if not switch.minimum <= value <= switch.maximum:
-                    raise UsageError(
-                        f"{self.name} profile switch {switch.name} = {value}: allowed are "
-                        f"{switch.allowed}"
-                    )
-        return chosen
+    return switches

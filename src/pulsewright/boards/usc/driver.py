@@ -15,7 +15,7 @@ from typing import Final, NoReturn, Self, SupportsIndex
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards.usc import BOARD
+from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.usc import registers as reg
 from pulsewright.boards.usc.burst import AXES, BURST_ACCESSES, BURST_ADDRESS, RateUpdates
 from pulsewright.errors import BusError, EstopError, RegisterValueError, UsageError
@@ -186,7 +186,7 @@ class UscDriver:
     def __init__(self, bus: EppBus, *, profile: str = reg.DEFAULT_PROFILE, **switches: int) -> None:
         self.bus = bus
         self.profile = profile
-        self.switches = BOARD.switches(profile, **switches)
+        self.switches = resolve_switches(reg.MAP, profile, switches)
         self.base = self.switches["base"]
         self._address = self.base << 5
         # The document has the encoder control register at 0C; the client writes 03 on every board.

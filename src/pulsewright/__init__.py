@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from pulsewright.app.run import Job
     from pulsewright.boards import open_board
 
-__all__ = ["open_board"]
+__all__ = ["Job", "open_board"]
+
+_HOMES: Final = {"Job": "pulsewright.app.run", "open_board": "pulsewright.boards"}
 
 
 def __getattr__(name: str) -> Any:
-    """Import the public names when they are first used: ``import pulsewright`` costs nothing."""
-    if name == "open_board":
-        from pulsewright.boards import open_board
+    """Import a public name when it is first used: ``import pulsewright`` costs nothing."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'pulsewright' has no attribute '{name}'")
+    return getattr(import_module(_HOMES[name]), name)
 
-        return open_board
-    raise AttributeError(f"module 'pulsewright' has no attribute '{name}'")
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -32,6 +32,8 @@ class Board:
         ``twin(profile, **switches)`` returns a new twin, in its reset state.
     driver : callable
         ``driver(bus, profile, **switches)`` returns a driver for a board on an open bus.
+    player : callable
+        ``player(driver, trajectory, **limits)`` returns what plays planned motion on the board.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Board:
     registers: Callable[[], RegisterMap]
     twin: Callable[..., Any]
     driver: Callable[..., Any]
+    player: Callable[..., Any]
 
     def switches(self, profile: str | None = None, **changes: int) -> dict[str, int]:
         """Return the switches of a profile (None: the default one), with ``changes`` made.

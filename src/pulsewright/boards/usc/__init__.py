@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pulsewright.boards.board import Board
 from pulsewright.boards.usc.registers import DEFAULT_PROFILE, PROFILES
 
 if TYPE_CHECKING:
     from pulsewright.boards.usc.driver import UscDriver
+    from pulsewright.boards.usc.player import UscPlayer
     from pulsewright.boards.usc.twin import UscTwin
+    from pulsewright.motion.trajectory import Trajectory
     from pulsewright.registers.model import RegisterMap
     from pulsewright.transport.bus import EppBus
 
@@ -32,6 +34,12 @@ def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> Usc
     return UscDriver(bus, profile=profile, **switches)
 
 
+def _player(driver: UscDriver, trajectory: Trajectory, **limits: Any) -> UscPlayer:
+    from pulsewright.boards.usc.player import UscPlayer
+
+    return UscPlayer(driver, trajectory, **limits)
+
+
 BOARD: Final = Board(
     name="usc",
     title="Universal Stepper Controller (USC)",
@@ -41,4 +49,5 @@ BOARD: Final = Board(
     registers=_registers,
     twin=_twin,
     driver=_driver,
+    player=_player,
 )

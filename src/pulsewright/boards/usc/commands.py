@@ -185,10 +185,12 @@ class Converter:
         return self._state[:, 3].copy()
 
     def updates_until(self, time: float) -> int:
-        """Return how many more updates reach ``time`` [s] of the plan."""
+        """Return how many more updates reach ``time`` [s]; at the end of the plan, all."""
+        if time >= self.trajectory.duration:
+            return self.total - self.position
         cycle = math.ceil(time * registers.CLOCK_HZ) + self.start_cycle
         reach = -(-(cycle - self._first_cycle) // self.update_cycles)
-        return min(max(reach, 0), self.total) - self.position
+        return max(min(reach, self.total) - self.position, 0)
 
     def convert(self, count: int) -> Updates:
         """Return the next ``count`` updates, fewer at the end.

@@ -1,0 +1,437 @@
+"""The main job: a program file becomes verified steps of a board."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pulsewright import boards
+from pulsewright.app.progress import Progress, silent
+from pulsewright.edges.path import numbered_pins
+from pulsewright.edges.timing import DriveTiming
+from pulsewright.edges.trace import EdgeTrace
+from pulsewright.edges.writer import TraceWriter
+from pulsewright.errors import CheckFailedError, UsageError
+from pulsewright.motion.gcode import InterpreterSettings, interpret
+from pulsewright.motion.machine import WORK_OFFSETS, Machine
+from pulsewright.motion.plan import Certificate, begin_times, certify
+from pulsewright.motion.plan import plan as plan_moves
+from pulsewright.units import MICROSECOND
+from pulsewright.verify import Tolerances, Verifier
+from pulsewright.verify.verdict import Verdict, plain
+
+if TYPE_CHECKING:
+    from pulsewright.motion.moves import Program
+    from pulsewright.motion.trajectory import Trajectory
+
+TRACE: Final = "trace.npz"
+CHUNK: Final = 5.0  # machine time handled at once [s]: bounds the memory of a job of any length
+
+
+@dataclass
+class Clock:
+    """CPU time of the process by stage [s]."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the CPU time of a ``with`` block to stage ``name``."""
+        start = time.process_time()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.process_time() - start
+
+
+def interpreter_settings(machine: Machine) -> InterpreterSettings:
+    """Return what a program takes from the machine."""
+    return InterpreterSettings(
+        axes=machine.axes,
+        start=machine.start_position().tolist(),
+        work_offsets={name: machine.offset(name).tolist() for name in WORK_OFFSETS},
+        tools={number: tool.length for number, tool in machine.tools.items()} or None,
+        path_tolerance=machine.path.tolerance or machine.exact_tolerance,
+        exact_tolerance=machine.exact_tolerance,
+    )
+
+
+@dataclass(frozen=True)
+class Job:
+    """A program planned for a machine, ready to run.
+
+    Examples
+    --------
+    >>> from pulsewright import Job
+    >>> job = Job.from_gcode("examples/rosette.ngc")
+    >>> result = job.run(out="out/rosette")
+    >>> result.passed
+    True
+    """
+
+    program: Program
+    machine: Machine
+    trajectory: Trajectory
+    certificate: Certificate
+    clock: Clock
+
+    @classmethod
+    def from_gcode(
+        cls,
+        path: Path | str,
+        *,
+        machine: Machine | Path | str | None = None,
+        progress: Progress = silent,
+    ) -> Job:
+        """Interpret, plan and certify a program.
+
+        Parameters
+        ----------
+        path : Path or str
+            The program.
+        machine : Machine, Path or str, optional
+            Or the machine's file; default is the built-in machine.
+
+        Raises
+        ------
+        GcodeError, MachineError, MotionLimitError
+            If program or machine file are wrong, or the program leaves the machine's travel.
+        CheckFailedError
+            If the plan breaks a limit: a defect of the planner, caught by its certificate.
+        """
+        if machine is None:
+            machine = Machine.default()
+        elif not isinstance(machine, Machine):
+            machine = Machine.load(machine)
+        clock = Clock()
+        with clock.stage("interpret"):
+            progress("interpret", 0.0)
+            program = interpret(path, settings=interpreter_settings(machine))
+            progress("interpret", 1.0)
+        with clock.stage("plan"):
+            progress("plan", 0.0)
+            trajectory = plan_moves(program.moves, machine)
+            progress("plan", 0.7)
+            certificate = certify(trajectory, program.moves, machine)
+            progress("plan", 1.0)
+        if not certificate.passed:
+            raise CheckFailedError(f"{path}: the plan fails its certificate: {certificate}")
+        return cls(program, machine, trajectory, certificate, clock)
+
+    def run(
+        self,
+        *,
+        board: str | None = None,
+        profile: str | None = None,
+        link: str | None = None,
+        out: Path | str | None = None,
+        vcd: bool = False,
+        progress: Progress = silent,
+    ) -> Result:
+        """Run on a board and verify the step edges; write reports to ``out`` unless None.
+
+        Parameters
+        ----------
+        board, profile, link : str, optional
+            Default to what the machine says.
+        out : Path or str, optional
+            Folder for report.json, report.html, path.png and trace.npz; made if missing.
+        vcd : bool
+            Write trace.vcd too.
+
+        Raises
+        ------
+        UsageError
+            If board, profile or link cannot be used as asked, or files cannot be written.
+        MotionLimitError
+            If the board cannot follow the machine's rates.
+        BusError, EstopError
+            If the link failed, or the board stopped by itself.
+        """
+        settings, machine = self.machine.board, self.machine
+        name = board or settings.name
+        room = boards.get(name)
+        own = name == settings.name  # what the machine file says holds for its own board only
+        driver = boards.open_board(
+            name,
+            link or machine.link.url,
+            profile=profile or (settings.profile if own else None),
+            **(settings.options if own else {}),
+        )
+        matrix = machine.motor_matrix()
+        rows, velocity, acceleration = limits = machine.limit_rows()
+        scale = np.abs(matrix @ np.linalg.pinv(rows))  # steps per unit along each limited row
+        drive = DriveTiming(
+            width=machine.drive.pulse_width_us * MICROSECOND,
+            space=machine.drive.pulse_space_us * MICROSECOND,
+            setup=machine.drive.direction_setup_us * MICROSECOND,
+            hold=machine.drive.direction_hold_us * MICROSECOND,
+        )
+        with driver:
+            recorder = _recorder(driver, link or machine.link.url)
+            player = room.player(
+                driver,
+                self.trajectory.mapped(matrix),
+                rates=scale @ velocity,
+                accelerations=scale @ acceleration,
+                pulse_width=drive.width,
+                pulse_space=drive.space,
+                direction_setup=drive.setup,
+                direction_hold=drive.hold,
+            )
+            with self.clock.stage("convert and run"):
+                player.prepare()
+            verifier = Verifier(
+                trajectory=self.trajectory,
+                moves=self.program.moves,
+                motor_matrix=matrix,
+                limits=limits,
+                clock_hz=driver.bus.clock_hz,
+                motors=numbered_pins(len(matrix)),
+                drives=[drive] * len(matrix),
+                start_cycle=player.start_cycle,
+                tolerances=Tolerances(settle=2 * player.update),
+            )
+            outputs = _Outputs(driver, machine, self.program, self.trajectory)
+            prepared = recorder.drain()
+            verifier.feed(prepared)
+            with _folder(out) as folder, _trace_file(folder, prepared) as keep:
+                for until in _portions(self.duration, outputs.times):
+                    with self.clock.stage("convert and run"):
+                        player.play(until)
+                        outputs.switch(until)
+                        chunk = recorder.drain()
+                    with self.clock.stage("verify"):
+                        verifier.feed(chunk)
+                    with self.clock.stage("write"):
+                        keep(chunk)
+                    progress("run", min(until / max(self.duration, 1e-9), 1.0))
+                with self.clock.stage("verify"):
+                    verdict = verifier.finish()
+        result = Result(self, room.name, driver.profile, verdict, 1 / player.update, folder)
+        if folder is not None:
+            with self.clock.stage("write"):
+                progress("report", 0.0)
+                result.write(folder, vcd=vcd)
+                progress("report", 1.0)
+        return result
+
+    def summary(self) -> dict[str, Any]:
+        """Return what is known before running, in plain types."""
+        moves = self.program.moves
+        return {
+            "program": self.program.path,
+            "machine": self.machine.name,
+            "moves": len(moves),
+            "duration": self.duration,
+            "elements": len(self.trajectory.length),
+            "pieces": len(self.trajectory.element),
+            "certificate": plain(asdict(self.certificate)),
+            "messages": [event.text for event in self.program.events if event.kind == "message"],
+            "cpu_seconds": dict(self.clock.seconds),
+        }
+
+    def text(self) -> str:
+        """Return the summary for people."""
+        moves = self.program.moves
+        return (
+            f"{self.program.path}: {len(moves)} moves on '{self.machine.name}', "
+            f"{_clock_time(self.duration)} of machine time\n{self.certificate.text()}"
+        )
+
+    @property
+    def duration(self) -> float:
+        """Planned time [s]."""
+        return self.trajectory.duration
+
+
+@dataclass(frozen=True)
+class Result:
+    """A job that has run, and what its step edges say.
+
+    Parameters
+    ----------
+    job : Job
+    board, profile : str
+    verdict : Verdict
+    update_rate : float
+        How often the board got new commands [Hz].
+    folder : Path or None
+        Where the reports are.
+    """
+
+    job: Job
+    board: str
+    profile: str
+    verdict: Verdict
+    update_rate: float
+    folder: Path | None
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return self.verdict.passed
+
+    @property
+    def real_time_ratio(self) -> float:
+        """Machine time over CPU time of all stages but the writing of reports."""
+        spent = sum(t for stage, t in self.job.clock.seconds.items() if stage != "write")
+        return self.job.duration / max(spent, 1e-9)
+
+    def write(self, folder: Path, *, vcd: bool = False) -> None:
+        """Write report.json, report.html and path.png beside trace.npz, and trace.vcd if asked."""
+        from pulsewright.app.report import write_report
+
+        write_report(self.verdict, self.context(), folder)
+        if vcd:
+            from pulsewright.edges.vcd import write_vcd
+
+            write_vcd(folder / "trace.vcd", EdgeTrace.load(folder / TRACE))
+
+    def context(self) -> dict[str, Any]:
+        """Return program, machine and board, for reports."""
+        job = self.job
+        return {
+            **job.summary(),
+            "board": self.board,
+            "profile": self.profile,
+            "update_rate": self.update_rate,
+            "real_time_ratio": self.real_time_ratio,
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything but the path in plain types."""
+        files = sorted(str(path) for path in self.folder.iterdir()) if self.folder else []
+        return {**self.context(), "files": files, "verdict": self.verdict.to_json()}
+
+    def text(self) -> str:
+        """Return the result for people: each check, its worst value and its bound."""
+        verdict = self.verdict
+        lines = [
+            f"{self.job.program.path} on {self.board} ({self.profile}): "
+            f"{_clock_time(self.job.duration)} of machine time, {verdict.steps} steps, "
+            f"{self.real_time_ratio:.0f} x real time"
+        ]
+        for check in verdict.checks:
+            worst = "-" if check.worst is None else f"{check.worst:.4g}"
+            sign = "<=" if check.limit == "most" else ">="
+            place = f"  line {check.line}" if check.line else ""
+            where = f" {check.where}" if check.where else ""
+            lines.append(
+                f"  {'ok  ' if check.passed else 'FAIL'} {check.title}{where}: "
+                f"{worst} {sign} {check.bound:.4g} {check.unit}{place}"
+            )
+        lines.append("PASSED" if self.passed else "FAILED")
+        if self.folder:
+            lines.append(f"report: {self.folder / 'report.html'}")
+            lines.append(f"picture: {self.folder / 'path.png'}")
+        return "\n".join(lines)
+
+
+class _Outputs:
+    """Spindle and coolant on the board's digital outputs, switched while the machine rests."""
+
+    def __init__(
+        self, driver: Any, machine: Machine, program: Program, trajectory: Trajectory
+    ) -> None:
+        begin = begin_times(trajectory, len(program.moves))
+        wired = machine.outputs.model_dump(exclude_none=True)
+        self._driver = driver
+        self._wired = wired
+        self._waiting = [(float(begin[e.at]), e) for e in program.events if e.kind in wired]
+        self.times = [when for when, _ in self._waiting]
+
+    def switch(self, until: float) -> None:
+        """Set the outputs of all events up to time ``until`` [s]."""
+        while self._waiting and self._waiting[0][0] <= until:
+            _, event = self._waiting.pop(0)
+            self._driver.write_output(self._wired[event.kind], event.value != 0)
+
+
+def run_file(
+    path: Path,
+    *,
+    machine: Path | None = None,
+    board: str | None = None,
+    profile: str | None = None,
+    link: str | None = None,
+    out: Path | None = None,
+    vcd: bool = False,
+    progress: Progress = silent,
+) -> Result:
+    """Do the main job as the command line does: reports go to out/<program> unless told."""
+    job = Job.from_gcode(path, machine=machine, progress=progress)
+    return job.run(
+        board=board,
+        profile=profile,
+        link=link,
+        out=out if out is not None else Path("out") / path.stem,
+        vcd=vcd,
+        progress=progress,
+    )
+
+
+def _recorder(driver: Any, link: str) -> Any:
+    """Return what records the pins behind a driver's link."""
+    twin = getattr(driver.bus, "twin", None)
+    if twin is None:
+        raise UsageError(
+            f"link '{link}' does not record step edges, so nothing can be verified; use twin:"
+        )
+    return twin
+
+
+def _portions(duration: float, stops: Sequence[float]) -> Iterator[float]:
+    """Yield the ends of the portions a job is handled in: `CHUNK` at most, and at ``stops``."""
+    regular = np.arange(1, int(duration / CHUNK) + 1) * CHUNK
+    ends = np.unique(np.concatenate([regular, np.asarray(stops, float)]))
+    yield from ends[ends < duration].tolist()
+    yield np.inf
+
+
+@contextmanager
+def _folder(out: Path | str | None) -> Iterator[Path | None]:
+    """Make a folder for reports; if it was not there and the job fails, it is gone again."""
+    if out is None:
+        yield None
+        return
+    folder = Path(out)
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: is a file; --out names a folder")
+    made = [parent for parent in [folder, *folder.parents] if not parent.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder}: cannot be made ({error.strerror})") from error
+    try:
+        yield folder
+    except BaseException:
+        for parent in made:
+            parent.rmdir()
+        raise
+
+
+@contextmanager
+def _trace_file(folder: Path | None, first: EdgeTrace) -> Iterator[Callable[[EdgeTrace], None]]:
+    """Yield a function that appends to the trace file, or forgets where there is no folder."""
+    if folder is None:
+        yield lambda chunk: None
+        return
+    with TraceWriter(
+        folder / TRACE, first.clock_hz, first.pins, first.initial, first.start
+    ) as writer:
+        writer.append(first)
+        yield writer.append
+
+
+def _clock_time(seconds: float) -> str:
+    """Return a time for people: 1:02:03.4."""
+    minutes, rest = divmod(seconds, 60)
+    hours, minutes = divmod(int(minutes), 60)
+    return f"{hours}:{minutes:02}:{rest:04.1f}"

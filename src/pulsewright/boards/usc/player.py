@@ -1,0 +1,116 @@
+"""A trajectory played on a board: prepare it, stream it in portions, bring it to rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from pulsewright.boards.usc import registers as reg
+from pulsewright.boards.usc.commands import Converter, PulseTiming
+
+if TYPE_CHECKING:
+    from pulsewright.boards.usc.driver import UscDriver
+    from pulsewright.motion.trajectory import Trajectory
+
+LEAD: Final = 1e-3  # from the end of preparation to the first update [s]
+
+
+class UscPlayer:
+    """Play motor positions on a USC. Creating one sends nothing; see `prepare`.
+
+    Parameters
+    ----------
+    driver : UscDriver
+        Of the board; nothing else may use it while this plays.
+    trajectory : Trajectory
+        Motor positions [step].
+    rates, accelerations : sequence of float
+        The most that each motor may do [step/s, step/s^2].
+    pulse_width, pulse_space, direction_setup, direction_hold : float
+        Minima of the drives [s].
+    """
+
+    def __init__(
+        self,
+        driver: UscDriver,
+        trajectory: Trajectory,
+        *,
+        rates: Sequence[float],
+        accelerations: Sequence[float],
+        pulse_width: float,
+        pulse_space: float,
+        direction_setup: float,
+        direction_hold: float,
+    ) -> None:
+        self.driver = driver
+        self.trajectory = trajectory
+        self.rate, self.acceleration = max(rates), max(accelerations)
+        self.pulse_width = max(pulse_width, 1 / reg.TICK_HZ)
+        self.pulse_space = pulse_space
+        # the hold time counts from the active edge; the board waits from the other one on
+        self.setup_time = max(direction_setup, direction_hold - self.pulse_width, 1 / reg.TICK_HZ)
+        self._converter: Converter | None = None
+
+    def prepare(self) -> None:
+        """Bring the board from any state out of emergency stop, at rest.
+
+        Raises
+        ------
+        MotionLimitError
+            If the board cannot follow the motors' rates or accelerations with these pulses.
+        RegisterValueError
+            If a pulse time is more than the board can make.
+        BusError, EstopError
+            If there is no such board or it does not leave emergency stop.
+        """
+        driver = self.driver
+        driver.initialise(pulse_width=self.pulse_width, setup_time=self.setup_time)
+        timing = PulseTiming(
+            width=driver.width_ticks,
+            space=max(driver.space_ticks, math.ceil(self.pulse_space * reg.TICK_HZ - 1e-6)),
+            setup=driver.setup_ticks,
+            div_offset=driver.div_offset,
+            access=driver.bus.access_cycles,
+        )
+        update = timing.update_period(self.rate, self.acceleration)
+        driver.release_estop()
+        lead = math.ceil(LEAD * reg.TICK_HZ) * reg.TICK_CYCLES
+        first = -(-driver.bus.now() // reg.TICK_CYCLES) * reg.TICK_CYCLES + lead
+        self._converter = Converter(self.trajectory, timing, first_cycle=first, update=update)
+
+    @property
+    def converter(self) -> Converter:
+        """The conversion, its model and its position; after `prepare`."""
+        if self._converter is None:
+            raise RuntimeError("call prepare() first")
+        return self._converter
+
+    @property
+    def update(self) -> float:
+        """Time between updates [s]: two of them after a stop, every step of it has been made."""
+        return self.converter.update_cycles / reg.CLOCK_HZ
+
+    @property
+    def start_cycle(self) -> int:
+        """Clock cycle of the plan's second 0."""
+        return self.converter.start_cycle
+
+    @property
+    def done(self) -> bool:
+        """Whether the whole plan has been sent."""
+        return self.converter.done
+
+    def play(self, until: float) -> None:
+        """Stream the plan up to ``until`` [s], and see that the board ran all the time.
+
+        Raises
+        ------
+        EstopError
+            If the board went to emergency stop: the position is lost.
+        BusError
+            If the link failed.
+        """
+        updates = self.converter.convert(self.converter.updates_until(until))
+        self.driver.stream(updates)
+        self.driver.check_running()

@@ -88,8 +88,9 @@ def python(registers: RegisterMap) -> str:
         lines += ["", *_comments(f"{register.label()} ({register.side})")]
         at = register.addresses if len(register.addresses) > 1 else register.addresses[0]
         lines.append(f"{register.key}: Final = {_literal(at, 'addresses')}")
-        for i, alias in enumerate(register.aliases):
-            lines.append(f"{register.key}_ALIAS{i or ''}: Final = 0x{alias:02X}")
+        for i, alias in enumerate(register.alias_groups):
+            at = alias if len(alias) > 1 else alias[0]
+            lines.append(f"{register.key}_ALIAS{i or ''}: Final = {_literal(at, 'addresses')}")
         digits = 2 * register.size
         if register.reset is not None:
             lines.append(f"{register.key}_RESET: Final = 0x{register.reset:0{digits}X}")

@@ -118,7 +118,7 @@ class Register:
     takes_effect : str
         When a write acts.
     aliases : tuple of int
-        Further addresses of the same register.
+        Further addresses of the same register; of all instances in order, if it has several.
     latched : str
         Not empty: reads give a holding register; the text says what loads it.
     assembly : str
@@ -129,6 +129,8 @@ class Register:
         Present from this ident version on.
     follows : str
         Profile switch that the register reads as.
+    present_with : tuple of str
+        Not empty: the register is there if one of these profile switches is not 0.
     """
 
     board: str
@@ -146,11 +148,18 @@ class Register:
     commits: bool = False
     min_version: int = 0
     follows: str = ""
+    present_with: tuple[str, ...] = ()
 
     @property
     def key(self) -> str:
         """Name within its map: ``R_IDENT``, ``W_TIMER``."""
         return f"{self.side[0].upper()}_{self.name}"
+
+    @property
+    def alias_groups(self) -> tuple[tuple[int, ...], ...]:
+        """``aliases`` in groups of one address per instance."""
+        n = len(self.addresses)
+        return tuple(self.aliases[i : i + n] for i in range(0, len(self.aliases), n))
 
     @property
     def reset(self) -> int | None:
@@ -186,9 +195,9 @@ class Register:
         text = self.title.replace("{n}", numbers)
         if byte is None or self.size == 1:
             return text
-        which = "low" if byte == 0 else "high" if byte == self.size - 1 else "mid"
         if self.size > 3:
-            which = str(byte)
+            return f"{text}, byte {byte}"
+        which = "low" if byte == 0 else "high" if byte == self.size - 1 else "mid"
         return f"{text}, {which} byte"
 
 
@@ -305,7 +314,8 @@ class RegisterMap:
         places: dict[tuple[Side, int], Place] = {}
         for register in self.registers:
             starts = [(at, i, False) for i, at in enumerate(register.addresses)]
-            starts += [(at, 0, True) for at in register.aliases]
+            n = len(register.addresses)
+            starts += [(at, i % n, True) for i, at in enumerate(register.aliases)]
             for at, instance, alias in starts:
                 for byte in range(register.size):
                     places[register.side, at + byte] = Place(register, instance, byte, alias)

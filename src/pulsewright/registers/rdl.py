@@ -146,7 +146,7 @@ def _registers(
         if isinstance(node, RegNode):
             if node.is_alias:
                 continue  # listed with its primary
-            aliases = tuple(alias.raw_address_offset for alias in node.aliases())
+            aliases = tuple(at for alias in node.aliases() for at in _addresses(alias))
             size = node.get_property("regwidth") // 8
             follows = _udp(node, "follows", "")
             if follows and follows not in defaults:
@@ -182,6 +182,7 @@ def _registers(
             commits=_udp(node, "commits", False),
             min_version=_udp(node, "min_version", 0),
             follows=follows,
+            present_with=_present_with(node),
         )
 
 
@@ -197,6 +198,9 @@ def _check(
         access = [part.has_sw_readable, part.has_sw_writable]
         if access != [side == "read", side == "write"]:
             raise _error(part, f"is in addrmap '{side}'; set sw = {side[0]}")
+    for name in _present_with(node):
+        if name not in switches:
+            raise _error(node, f"present_with '{name}', which is no switch", "present_with")
     assembly = _udp(node, "assembly", "")
     if assembly and addrmap.get_child_by_name(assembly) is None:
         raise _error(node, f"assembly '{assembly}' is no register beside it", "assembly")
@@ -267,6 +271,11 @@ def _assembled(node: RegfileNode) -> tuple[int, tuple[Field, ...]]:
         formula=_text(node, "formula"),
     )
     return len(parts), (field,)
+
+
+def _present_with(node: Node) -> tuple[str, ...]:
+    names = _text(node, "present_with")
+    return tuple(names.split(" or ")) if names else ()
 
 
 def _udp(node: Node, name: str, default: Any) -> Any:

@@ -89,6 +89,9 @@ def notes(register: Register) -> list[tuple[str, str]]:
         found.append(("Assembled in", f"the shared register `W_{register.assembly}`"))
     if register.min_version:
         found.append(("Present", f"from ident version {register.min_version} on"))
+    if register.present_with:
+        names = " or ".join(f"`{name}`" for name in register.present_with)
+        found.append(("Present", f"with profile switch {names}"))
     if register.follows:
         found.append(("Value", f"that of the profile switch `{register.follows}`"))
     return found
@@ -209,8 +212,12 @@ def c_header(registers: RegisterMap) -> str:
             define(f"{register.key}_INSTANCES", f"{len(register.addresses)}u")
         else:
             define(register.key, f"0x{first:02X}u")
-        for i, alias in enumerate(register.aliases):
-            define(f"{register.key}_ALIAS{i or ''}", f"0x{alias:02X}u")
+        for i, alias in enumerate(register.alias_groups):
+            name = f"{register.key}_ALIAS{i or ''}"
+            if len(alias) > 1:
+                define(f"{name}(n)", f"(0x{alias[0]:02X}u + {alias[1] - alias[0]}u * (n))")
+            else:
+                define(name, f"0x{alias[0]:02X}u")
         if register.size > 1:
             define(f"{register.key}_SIZE", f"{register.size}u")
         if register.reset is not None:

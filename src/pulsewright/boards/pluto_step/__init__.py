@@ -1,0 +1,1 @@
+"""Pluto-P with four step generators behind a parallel port."""

@@ -1,3 +1,5 @@
+import numpy as np
+
 from pulsewright.transport.bus import read_accesses
 from pulsewright.transport.virtual import VirtualEppBus
 
@@ -13,7 +15,8 @@ class CountingTwin:
     def transact(self, accesses):
         self.arrays.append(accesses)
         accesses["value"][-1] = 0x41
-        self.now += 60 * len(accesses)
+        accesses["cycle"] = self.now + 60 * np.arange(len(accesses))
+        self.now = int(accesses["cycle"][-1])
 
     def reset(self):
         self.now = 1000
@@ -35,8 +38,10 @@ def test_time_and_reset_are_those_of_the_twin():
     twin = CountingTwin()
     bus = VirtualEppBus(twin)
     assert (bus.clock_hz, bus.access_cycles, bus.now()) == (40_000_000, 60, 7)
-    bus.write(0, b"\0\0")
+    bus.write(0, b"\0\0")  # accesses act at 7, 67 and 127
     assert bus.now() == 187
+    twin.now = 500
+    assert bus.now() == 500
     bus.reset()
     assert bus.now() == 1000
     bus.close()

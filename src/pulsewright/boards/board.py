@@ -29,7 +29,8 @@ class Board:
     registers : callable
         ``registers()`` returns the `RegisterMap`.
     twin : callable
-        ``twin(profile, **switches)`` returns a new twin, in its reset state.
+        ``twin(profile, **options)`` returns a new twin, in its reset state; options are profile
+        switches, and what else the room's twin knows.
     driver : callable
         ``driver(bus, profile, **switches)`` returns a driver for a board on an open bus.
     player : callable

@@ -23,7 +23,7 @@ class EppTwin(Protocol):
 
     @property
     def now(self) -> int:
-        """Cycle at which the next access can act."""
+        """Cycle up to which time has passed."""
 
     def transact(self, accesses: NDArray[np.void]) -> None:
         """Carry out an array of `EPP_ACCESS`."""
@@ -45,18 +45,21 @@ class VirtualEppBus(EppBus):
         self.twin = twin
         self.clock_hz = twin.clock_hz
         self.access_cycles = twin.access_cycles
+        self._free = 0  # cycle from which on the bus is free
 
     def transact(self, accesses: NDArray[np.void]) -> None:
         """Hand the whole array to the twin; see `EppBus.transact`."""
         self.twin.transact(accesses)
+        if len(accesses):
+            self._free = int(accesses["cycle"][-1]) + self.access_cycles
 
     def reset(self) -> None:
         """Reset every board of the twin."""
         self.twin.reset()
 
     def now(self) -> int:
-        """Return the twin's present cycle."""
-        return self.twin.now
+        """Return the cycle at which the next access can act."""
+        return max(self.twin.now, self._free)
 
     def close(self) -> None:
         """Do nothing: the twin stays, with its recording."""

@@ -22,10 +22,10 @@ def _registers() -> RegisterMap:
     return MAP
 
 
-def _twin(profile: str = DEFAULT_PROFILE, **switches: int) -> UscTwin:
+def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> UscTwin:
     from pulsewright.boards.usc.twin import UscTwin
 
-    return UscTwin(profile=profile, **switches)
+    return UscTwin(profile=profile, **options)
 
 
 def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> UscDriver:

@@ -1,13 +1,15 @@
-"""Geometry of G2 and G3 in their plane. Lengths in any one unit, angles in radians."""
+"""Geometry of G2 and G3 in their plane. Lengths in mm, angles in radians."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 Point = tuple[float, float]
 
-RELATIVE_TOLERANCE = 1e-3  # of the larger radius
-CAP = 100  # times the absolute tolerance: no arc may be off by more, however large
+RESOLUTION: Final = 1e-9  # [mm]; what is shorter is rounding, not motion
+RELATIVE_TOLERANCE: Final = 1e-3  # of the larger radius
+CAP: Final = 100  # times the absolute tolerance: no arc may be off by more, however large
 
 
 def center_from_radius(
@@ -57,7 +59,7 @@ def check_radii(start: Point, end: Point, center: Point, tolerance: float) -> No
         If they differ more, or one of them is 0.
     """
     first, last = math.dist(start, center), math.dist(end, center)
-    if min(first, last) <= 1e-9:
+    if min(first, last) <= RESOLUTION:
         raise ValueError(f"the radius of the arc is {first:g} at its start and {last:g} at its end")
     allowed = min(max(tolerance, RELATIVE_TOLERANCE * max(first, last)), CAP * tolerance)
     if abs(first - last) > allowed:
@@ -72,11 +74,11 @@ def sweep(start: Point, end: Point, center: Point, *, clockwise: bool, turns: in
 
     Equal end points make a full turn; ``turns`` above 1 adds full turns.
     """
-    a = math.atan2(start[1] - center[1], start[0] - center[0])
-    b = math.atan2(end[1] - center[1], end[0] - center[0])
-    angle = (a - b if clockwise else b - a) % math.tau
-    # Rounding may put an equal end just before the start as well as just behind it.
-    if min(angle, math.tau - angle) < 1e-12:
+    if math.dist(start, end) <= RESOLUTION:  # rounding may put the end before or behind the start
         angle = math.tau
+    else:
+        a = math.atan2(start[1] - center[1], start[0] - center[0])
+        b = math.atan2(end[1] - center[1], end[0] - center[0])
+        angle = (a - b if clockwise else b - a) % math.tau
     angle += math.tau * (turns - 1)
     return -angle if clockwise else angle

@@ -65,7 +65,7 @@ M_GROUPS: Final[dict[int, Group]] = {
 #: Codes of the full dialect that are refused, with what they are.
 G_REFUSED: Final[dict[int, str]] = {
     **dict.fromkeys((50, 51, 52, 53), "splines"),
-    **dict.fromkeys((70, 80), "lathe diameter mode"),
+    **dict.fromkeys((70, 80), "lathe diameter and radius mode"),
     **dict.fromkeys((171, 181, 191), "planes of U, V, W"),
     **dict.fromkeys((330, 331, 760), "spindle-synchronised motion"),
     **dict.fromkeys((382, 383, 384, 385), "probing"),

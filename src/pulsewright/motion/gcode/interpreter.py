@@ -10,6 +10,7 @@ from typing import Final
 
 from pulsewright.errors import GcodeError, UsageError
 from pulsewright.motion.gcode import arcs
+from pulsewright.motion.gcode.arcs import RESOLUTION
 from pulsewright.motion.gcode.codes import (
     G_GROUPS,
     G_REFUSED,
@@ -26,7 +27,6 @@ from pulsewright.units import INCH, MINUTE
 SYSTEMS: Final = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 ZERO: Final = (0.0,) * len(AXES)
 
-RESOLUTION: Final = 1e-9  # [mm, degrees]; what is shorter is rounding, not motion
 FARTHEST: Final = 1e9  # [mm, degrees] that one move may go
 ARC_TOLERANCE: Final = {1.0: 0.005, INCH: 0.0005 * INCH}  # of radii, by length unit [mm]
 REACH_TOLERANCE: Final = {1.0: 0.00127, INCH: 0.00005 * INCH}  # of R against half the chord [mm]
@@ -39,6 +39,7 @@ SYSTEM_OFFSET: Final = 5221  # of G54, the others follow 20 apart
 
 _AXIS_WORDS: Final = frozenset("XYZABCUVW")
 _CENTERS: Final = "IJK"
+_CENTER_WORDS: Final = frozenset(_CENTERS)
 _ARCS: Final = frozenset((20, 30))
 _USES_AXES: Final = frozenset((100, 280, 300, 920))  # non-modal codes that take the axis words
 
@@ -55,8 +56,21 @@ _USERS: Final[dict[str, tuple[int, ...]]] = {
     "D": (),
     "E": (),
 }
+_USELESS: Final = {
+    "D": "D belongs to cutter compensation, which is not supported yet",
+    "E": "exponents, as in 1e3, are not part of the language",
+}
 _SYSTEM_CODES: Final = tuple(c for c, group in G_GROUPS.items() if group is Group.COORDINATES)
-_NO_GROUPS: Final[dict[Group, int]] = {}
+_WITH_USERS: Final = frozenset(_USERS)
+
+# Looking up a member of an enum takes longer than anything else done for a simple line.
+_MOTION: Final = Group.MOTION
+_NON_MODAL: Final = Group.NON_MODAL
+_STOP: Final = Group.STOP
+_NO_GROUPS: Final[Mapping[Group, int]] = {}
+_ONE_GROUP: Final[dict[int, Mapping[Group, int]]] = {
+    code: {group: code} for code, group in G_GROUPS.items()
+}
 
 
 @dataclass(frozen=True)
@@ -200,6 +214,7 @@ class Interpreter:
         self.recorder = recorder
         self.empty = True
         self.ended = False
+        self._skip_deleted = settings.block_delete
         self._percent = False  # the program stands between two % lines
         self._line = 0
 
@@ -232,7 +247,7 @@ class Interpreter:
         self._origin = list(ZERO)  # sum of all offsets: machine position of program position 0
         self._use_units(210)
         self._use_system()
-        recorder.tolerance = settings.path_tolerance
+        recorder.path_tolerance(settings.path_tolerance)
 
     def line(self, text: str, number: int) -> None:
         """Carry out one line.
@@ -246,13 +261,14 @@ class Interpreter:
             self.ended = self._percent or not self.empty
             self._percent = True
             return
-        block = read_block(text, self.parameters, skip_deleted=self.settings.block_delete)
-        if block:
-            self.empty = False
-            self._line = number
-            for key, value in block.settings:
-                self.parameters.set(key, value)
-            self._execute(block)
+        block = read_block(text, self.parameters, skip_deleted=self._skip_deleted)
+        if block is None:
+            return
+        self.empty = False
+        self._line = number
+        for key, value in block.settings:
+            self.parameters.set(key, value)
+        self._execute(block)
 
     def finish(self) -> None:
         """Check, after the last line, that a program begun with % is whole.
@@ -270,8 +286,8 @@ class Interpreter:
     def _execute(self, block: Block) -> None:
         words = block.words
         groups = self._classify(block) if block.g or block.m else _NO_GROUPS
-        command = groups.get(Group.NON_MODAL)
-        motion = groups.get(Group.MOTION)
+        command = groups.get(_NON_MODAL)
+        motion = groups.get(_MOTION)
         has_axes = not _AXIS_WORDS.isdisjoint(words)
         if has_axes and not self._foreign.isdisjoint(words):
             axes = " ".join(self.settings.axes)
@@ -290,13 +306,15 @@ class Interpreter:
                 raise block.fault(
                     "axis words without a motion mode; begin with G0, G1, G2 or G3", _AXIS_WORDS
                 )
-        elif motion is None and self._motion in _ARCS and not set(_CENTERS).isdisjoint(words):
+        elif motion is None and self._motion in _ARCS and not _CENTER_WORDS.isdisjoint(words):
             motion = self._motion  # a full circle by its centre alone
-        if not _USERS.keys().isdisjoint(words):
+        if not _WITH_USERS.isdisjoint(words):
             self._check_users(block, motion)
-        modes = len(groups) > (Group.MOTION in groups)
+        modes = len(groups) > (_MOTION in groups)
 
-        for text in block.messages:
+        for kind, text in block.messages:
+            if kind != "msg":
+                text = self.parameters.fill_in(text)  # noqa: PLW2901
             self.recorder.event("message", self._line, text=text, rest=False)
         if modes:
             self._change_feed_mode_and_units(groups)
@@ -311,18 +329,20 @@ class Interpreter:
         if command is not None and command != 530:
             self._do(command, block, has_axes)
         if motion is not None:
-            if Group.MOTION in groups:
+            if _MOTION in groups:
                 self._motion = None if motion == 800 else motion
             if motion in _ARCS:
                 self._arc(block, clockwise=motion == 20, machine=command == 530)
             elif has_axes and command not in _USES_AXES:
                 end = self._target(block, machine=command == 530)
                 self._straight(block, end, rapid=motion == 0)
-        if Group.STOP in groups:
-            self._stop(groups[Group.STOP])
+        if _STOP in groups:
+            self._stop(groups[_STOP])
 
-    def _classify(self, block: Block) -> dict[Group, int]:
+    def _classify(self, block: Block) -> Mapping[Group, int]:
         """Return the codes of a line by their groups."""
+        if len(block.g) == 1 and not block.m and block.g[0] in _ONE_GROUP:
+            return _ONE_GROUP[block.g[0]]
         groups: dict[Group, int] = {}
         for letter, codes, table, refused in (
             ("G", block.g, G_GROUPS, G_REFUSED),
@@ -332,7 +352,7 @@ class Interpreter:
                 group = table.get(code)
                 if group is None:
                     if code in refused:
-                        message = f"{_name(letter, code)}: {refused[code]} are not supported yet"
+                        message = f"{_name(letter, code)} ({refused[code]}) is not supported yet"
                     else:
                         message = f"unknown code {_name(letter, code)}"
                     raise block.fault(message, letter, code)
@@ -353,12 +373,8 @@ class Interpreter:
         for letter in block.words:
             users = _USERS.get(letter)
             if users is not None and present.isdisjoint(users):
-                known = ", ".join(map(g_name, users))
-                raise block.fault(
-                    f"nothing in this line uses the {letter} word"
-                    + (f"; it belongs to {known}" if known else ""),
-                    letter,
-                )
+                hint = _USELESS.get(letter) or f"it belongs to {', '.join(map(g_name, users))}"
+                raise block.fault(f"nothing in this line uses the {letter} word; {hint}", letter)
 
     def _whole(self, block: Block, letter: str, low: int = 0, high: int | None = None) -> int:
         """Return the whole number of a word."""
@@ -455,16 +471,16 @@ class Interpreter:
 
     def _use_path_control(self, code: int, block: Block) -> None:
         if code == 611:
-            self.recorder.tolerance = 0.0
+            self.recorder.path_tolerance(0.0)
         elif code == 610:
-            self.recorder.tolerance = self.settings.exact_tolerance
+            self.recorder.path_tolerance(self.settings.exact_tolerance)
         else:
             for letter in "PQ":
                 if block.words.get(letter, 0.0) < 0:
                     raise block.fault("a tolerance must not be negative", letter)
             tolerance = block.words.get("P", 0.0) * self._scale
             # P0 means "as fast as the machine allows", the same as no P.
-            self.recorder.tolerance = tolerance or self.settings.path_tolerance
+            self.recorder.path_tolerance(tolerance or self.settings.path_tolerance)
 
     # Offsets
 
@@ -519,7 +535,9 @@ class Interpreter:
         """Set the origin of a coordinate system: G10 L2 or L20."""
         kind = block.words.get("L")
         if kind not in (2, 20):
-            raise block.fault("only G10 L2 and G10 L20 are supported yet", "LG")
+            raise block.fault(
+                "only G10 L2 and G10 L20 are supported yet", "L" if kind else "G", 100
+            )
         if block.words.get("R", 0.0) != 0:
             raise block.fault("G10 R: turned coordinate systems are not supported yet", "R")
         if "P" not in block.words:
@@ -599,6 +617,7 @@ class Interpreter:
             raise block.fault(
                 "G93 needs F in every line that moves: 1/minutes that the move takes",
                 {"F", "G", *_AXIS_WORDS},
+                self._motion,
             )
         return length * feed / MINUTE
 
@@ -606,6 +625,7 @@ class Interpreter:
         raise block.fault(
             "the feed is 0; set it with F before or beside the first G1, G2 or G3",
             {"F", "G", *_AXIS_WORDS},
+            self._motion,
         )
 
     def _arc(self, block: Block, *, clockwise: bool, machine: bool) -> None:
@@ -674,6 +694,7 @@ class Interpreter:
                 f"an arc needs its centre or its radius: {' and '.join(missing)} or R is missing"
                 + (" (with G90.1 both coordinates of the centre)" if len(missing) == 1 else ""),
                 {"G", *_AXIS_WORDS},
+                self._motion,
             )
         origin = [self._origin[axis] for axis in axes] if self._absolute_centers else start
         x, y = (words.get(letter, 0.0) * self._scale for letter in letters)

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Sequence
 from contextlib import suppress
+from functools import cached_property
 from typing import Final, NamedTuple, NoReturn
 
 from pulsewright.motion.gcode.codes import G_GROUPS
@@ -23,10 +24,10 @@ MAX_NESTING: Final = 50  # brackets within brackets; far from Python's own recur
 # Letters with a value; G, M, N and O are read on their own.
 VALUE_LETTERS: Final = frozenset("ABCDEFHIJKLPQRSTUVWXYZ")
 _OTHER_LETTERS: Final = {
-    "O": "O-words (subroutines, loops, conditions)",
-    "@": "polar coordinates",
-    "^": "polar coordinates",
-    "$": "choosing a spindle with $",
+    "O": "O (subroutines, loops, conditions)",
+    "@": "@ (polar coordinates)",
+    "^": "^ (polar coordinates)",
+    "$": "$ (choosing a spindle)",
 }
 
 _WORDS: Final = re.compile(r"(.)([+-]?[0-9.]*)")
@@ -34,8 +35,10 @@ _LINE_NUMBER: Final = re.compile(r"N[0-9]+(?:\.[0-9]*)?")
 _NUMBER: Final = re.compile(r"[0-9.]+")
 _NAME: Final = re.compile(r"[A-Z]+")
 _OPERATOR: Final = re.compile(r"\*\*|[*/+-]|MOD|EQ|NE|GT|GE|LT|LE|AND|OR|XOR")
-_MESSAGE: Final = re.compile(r"\s*(msg|debug|print)\s*,(.*)", re.IGNORECASE | re.DOTALL)
+_COMMENT: Final = re.compile(r"\([^()]*\)|;.*")
+_MESSAGE: Final = re.compile(r"\(\s*(msg|debug|print),([^()]*)\)", re.IGNORECASE)
 _MESSAGE_VALUE: Final = re.compile(r"#(?:<([^>]*)>|([0-9]+))")
+_GAP: Final = ";"  # stands for a comment, so that words do not grow together across it
 
 # How G codes of the dialect are commonly written, to ten times their number: "1", "01", "61.1".
 _G_TEXTS: Final[dict[str, int]] = {
@@ -88,12 +91,26 @@ class Parameters:
         else:
             self.numbered[key] = value
 
+    def fill_in(self, text: str) -> str:
+        """Return the text of a message with its ``#1`` and ``#<name>`` replaced by values."""
+
+        def value_of(match: re.Match[str]) -> str:
+            name, number = match.groups()
+            value = None
+            if number is None:
+                value = self.get("".join(name.split()).upper())
+            elif 1 <= int(number) <= LAST_PARAMETER:
+                value = self.get(int(number))
+            return "######" if value is None else f"{value:.6f}"
+
+        return _MESSAGE_VALUE.sub(value_of, text)
+
 
 class _Word(NamedTuple):
     letter: str
     value: float
-    column: int
-    text: str
+    start: int  # in the squeezed line
+    end: int
 
 
 class Block:
@@ -110,9 +127,9 @@ class Block:
     m : list[int]
         The M words, in order.
     settings : sequence of (key, value)
-        Parameters to set at the end of the line.
-    messages : sequence of str
-        Texts of message comments.
+        Parameters to set once the line is read.
+    messages : sequence of (kind, text)
+        Comments that are messages; the kind is "msg", "debug" or "print".
     """
 
     __slots__ = ("_parameters", "g", "m", "messages", "settings", "text", "words")
@@ -124,40 +141,44 @@ class Block:
         self.g: list[int] = []
         self.m: list[int] = []
         self.settings: Sequence[tuple[int | str, float]] = ()
-        self.messages: Sequence[str] = ()
+        self.messages: Sequence[tuple[str, str]] = ()
 
-    def __bool__(self) -> bool:
-        """Whether the line asks for anything."""
-        return bool(self.words or self.g or self.m or self.settings or self.messages)
-
-    def fault(self, message: str, letters: Iterable[str] = (), code: int | None = None) -> Fault:
-        """Return a fault at the first word with one of ``letters``, of G or M words with ``code``.
+    def fault(self, message: str, letters: Container[str], code: int | None = None) -> Fault:
+        """Return a fault at the first word with one of ``letters``; a G or M word counts by code.
 
         Places of words are known to the slow reader alone, so the line is read again.
         """
         with suppress(Fault):  # a parameter set by this very line may have made it unreadable
-            for word in _Reader(self.text, self._parameters).words():
+            reader = _Reader(self.text, self._parameters)
+            for word in reader.words():
                 value = round(10 * word.value if word.letter == "G" else word.value)
-                if word.letter in letters and code in (None, value):
-                    return Fault(message, word.column, word.text)
+                if word.letter in letters and (word.letter not in "GM" or code in (None, value)):
+                    return Fault(message, *reader.place(word.start, word.end))
         return Fault(message, 1 + len(self.text) - len(self.text.lstrip()), self.text.strip())
 
 
-def read_block(text: str, parameters: Parameters, *, skip_deleted: bool = False) -> Block:
-    """Read one line; with ``skip_deleted`` a line that begins with ``/`` is empty.
+def read_block(text: str, parameters: Parameters, *, skip_deleted: bool = False) -> Block | None:
+    """Read one line; None if it asks for nothing.
+
+    With ``skip_deleted`` a line that begins with ``/`` asks for nothing.
 
     Raises
     ------
     Fault
         If the line is not RS274/NGC, with its column.
     """
-    block = Block(text, parameters)
     if not text.isascii():  # upper() may turn other letters into ours
-        return _Reader(text, parameters).block(block, skip_deleted)
-    squeezed = "".join(text.split()).upper()
+        return _Reader(text, parameters).block(skip_deleted)
+    plain = text
+    if ("(" in text or ";" in text) and not _MESSAGE.search(text):
+        plain = _COMMENT.sub(_GAP, text)
+    squeezed = "".join(plain.split()).upper()
     if squeezed[:1] == "N":
         number = _LINE_NUMBER.match(squeezed)
         squeezed = squeezed[number.end() :] if number else squeezed
+    if squeezed in ("", _GAP):
+        return None
+    block = Block(text, parameters)
     words, g = block.words, block.g
     try:
         for letter, value in _WORDS.findall(squeezed):
@@ -165,14 +186,14 @@ def read_block(text: str, parameters: Parameters, *, skip_deleted: bool = False)
                 g.append(_G_TEXTS[value])
             elif letter in VALUE_LETTERS and letter not in words:
                 words[letter] = float(value)
-            else:
+            elif letter != _GAP or value:
                 break
         else:
             if len(squeezed) < 300:  # then no number reaches infinity
                 return block
     except (ValueError, KeyError):
         pass
-    return _Reader(text, parameters).block(Block(text, parameters), skip_deleted)
+    return _Reader(text, parameters).block(skip_deleted)
 
 
 def _power(left: float, right: float) -> float:
@@ -227,53 +248,40 @@ class _Reader:
     def __init__(self, text: str, parameters: Parameters) -> None:
         self.text = text
         self.parameters = parameters
-        self.comments: list[str] = []
         self.at = 0  # in self.line
         self.nesting = 0
         self.settings: list[tuple[int | str, float]] = []
-        self.line, self.columns = self._squeeze()
+        bare = "".join(_COMMENT.sub(_GAP, text).split())
+        self.line = bare.upper() if bare.isascii() else "".join(map(_ascii_upper, bare))
 
-    def _squeeze(self) -> tuple[str, list[int]]:
-        """Return the line in capitals without spaces and comments, and each character's column.
-
-        A comment leaves its ``(``, so that words do not grow together across it.
-        """
-        text, kept, columns = self.text, [], []
+    @cached_property
+    def columns(self) -> list[int]:
+        """The column of each character of ``line``, and of what follows the last."""
+        comments = {match.start(): match.end() for match in _COMMENT.finditer(self.text)}
+        columns = []
         i = 0
-        while i < len(text):
-            c = text[i]
-            if c == ";":
-                self.comments.append(text[i + 1 :])
-                text = text[:i]
-                break
-            if not c.isspace():
-                kept.append(c.upper() if c.isascii() else c)
+        while i < len(self.text):
+            if not self.text[i].isspace():
                 columns.append(i + 1)
-            if c == "(":
-                end = text.find(")", i)
-                if end < 0:
-                    raise Fault("a comment is not closed; ) is missing", i + 1, text[i:].strip())
-                nested = text.find("(", i + 1, end)
-                if nested >= 0:
-                    raise Fault("a comment holds another (", nested + 1, text[i : end + 1])
-                self.comments.append(text[i + 1 : end])
-                i = end
-            i += 1
-        columns.append(len(text.rstrip()) + 1)
-        return "".join(kept), columns
+            i = comments.get(i, i + 1)
+        return [*columns, len(self.text.rstrip()) + 1]
+
+    def place(self, start: int, end: int) -> tuple[int, str]:
+        """Return the column and the text of characters of the squeezed line."""
+        first = self.columns[start]
+        text = self.text[first - 1 : self.columns[end] - 1].strip()
+        return first, text if len(text) <= 60 else f"{text[:57]}..."
 
     def fail(self, message: str, start: int, end: int | None = None) -> NoReturn:
-        """Raise a fault that names the characters from ``start`` to ``end`` (the reading point)."""
+        """Raise a fault at the characters from ``start`` to ``end``, or to the reading point."""
         end = max(self.at if end is None else end, start + 1)
-        text = self.text[self.columns[start] - 1 :] if start < len(self.line) else ""
-        if end < len(self.columns):
-            text = text[: self.columns[end] - self.columns[start]]
-        raise Fault(message, self.columns[start], text.strip())
+        raise Fault(message, *self.place(start, end))
 
-    def block(self, block: Block, skip_deleted: bool) -> Block:
-        """Fill a block."""
+    def block(self, skip_deleted: bool) -> Block | None:
+        """Return the line as a block; None if it asks for nothing."""
         if skip_deleted and self.line.startswith("/"):
-            return block
+            return None
+        block = Block(self.text, self.parameters)
         for word in self.words():
             if word.letter == "G":
                 block.g.append(round(10 * word.value))
@@ -282,15 +290,20 @@ class _Reader:
             else:
                 block.words[word.letter] = word.value
         block.settings = self.settings
-        block.messages = [
-            self._message(match[2], verbatim=match[1].lower() == "msg")
-            for match in map(_MESSAGE.fullmatch, self.comments)
-            if match
-        ]
-        return block
+        if "(" in self.text:
+            comments = map(_MESSAGE.fullmatch, _COMMENT.findall(self.text))
+            block.messages = [(m[1].lower(), m[2].strip()) for m in comments if m]
+        asks = block.words or block.g or block.m or block.settings or block.messages
+        return block if asks else None
 
     def words(self) -> list[_Word]:
         """Read the line; leave parameter settings in ``self.settings``."""
+        for parenthesis, message in (
+            ("(", "a comment is not closed, or holds another ("),
+            (")", "no comment begins before this )"),
+        ):
+            if parenthesis in self.line:
+                self.fail(message, self.line.index(parenthesis))
         words: list[_Word] = []
         seen: set[str] = set()
         self.at = 1 if self.line.startswith("/") else 0
@@ -299,13 +312,13 @@ class _Reader:
         while self.at < len(self.line):
             start, letter = self.at, self.line[self.at]
             self.at += 1
-            if letter == "(":
+            if letter == _GAP:
                 continue
             if letter == "#":
                 self._setting(start)
                 continue
             if letter in _OTHER_LETTERS:
-                self.fail(f"{_OTHER_LETTERS[letter]} are not supported yet", start, len(self.line))
+                self.fail(f"{_OTHER_LETTERS[letter]} is not supported yet", start, len(self.line))
             if letter == "N":
                 self.fail("a line number N stands at the beginning of its line", start)
             if letter not in VALUE_LETTERS and letter not in "GM":
@@ -320,8 +333,7 @@ class _Reader:
             if letter in seen and letter not in "GM":
                 self.fail(f"a second {letter} word in one line; a letter may stand once", start)
             seen.add(letter)
-            text = self.text[self.columns[start] - 1 : self.columns[self.at - 1]]
-            words.append(_Word(letter, value, self.columns[start], text.strip()))
+            words.append(_Word(letter, value, start, self.at))
         return words
 
     def _setting(self, start: int) -> None:
@@ -358,8 +370,12 @@ class _Reader:
             return self._parameter(start)
         name = _NAME.match(self.line, start)
         if name is None:
-            self.fail("a number is missing", max(start - 1, 0), start)
+            self._miss_number(start)
         return self._function(name[0], start)
+
+    def _miss_number(self, start: int) -> NoReturn:
+        before = self.line[start - 1]
+        self.fail(f"a number is missing after {before}", start - 1, start)
 
     def _expression(self) -> float:
         start = self.at
@@ -418,9 +434,9 @@ class _Reader:
             return float(known)
         if name not in _FUNCTIONS:
             if self.line[self.at : self.at + 1] != "[":
-                self.fail("a number is missing", max(start - 1, 0), start)
-            known = ", ".join(sorted([*_FUNCTIONS, "ATAN", "EXISTS"]))
-            self.fail(f"unknown function; there are {known}", start)
+                self._miss_number(start)
+            functions = ", ".join(sorted([*_FUNCTIONS, "ATAN", "EXISTS"]))
+            self.fail(f"unknown function; there are {functions}", start)
         return self._apply(_FUNCTIONS[name], start, self._expression())
 
     def _key(self) -> int | str:
@@ -449,16 +465,6 @@ class _Reader:
             self.fail(f"parameter #<{str(key).lower()}> has not been set{hint}", start)
         return value
 
-    def _message(self, text: str, *, verbatim: bool) -> str:
-        """Return the text of a message, with the values of its parameters."""
 
-        def value_of(match: re.Match[str]) -> str:
-            name, number = match.groups()
-            value = None
-            if number is None:
-                value = self.parameters.get("".join(name.split()).upper())
-            elif 1 <= int(number) <= LAST_PARAMETER:
-                value = self.parameters.get(int(number))
-            return "######" if value is None else f"{value:.6f}"
-
-        return text.strip() if verbatim else _MESSAGE_VALUE.sub(value_of, text).strip()
+def _ascii_upper(c: str) -> str:
+    return c.upper() if c.isascii() else c

@@ -15,34 +15,37 @@ _Arc = tuple[int, Plane, Sequence[float], float]
 class Recorder:
     """Collects motion and events in machine coordinates [mm, degrees, s].
 
-    Members
-    -------
-    tolerance : float
-        Path tolerance of the moves to come [mm]; 0 = come to rest after each.
+    Parameters
+    ----------
+    start : (6,) floats
+        Position before the first move.
     """
 
     def __init__(self, start: Sequence[float]) -> None:
-        self.tolerance = 0.0
-        self._start = tuple(start)
+        self._start = list(start)
         # A large program has 1e5 moves: plain columns here, what is rare beside them.
         self._line = array("i")
         self._end = array("d")
         self._feed = array("d")
-        self._tolerance = array("d")
+        self._tolerances = [(0, 0.0)]  # from which move on
+        self._stops: list[int] = []  # moves that end at rest, counted from 1
         self._arcs: list[_Arc] = []
         self._dwells: list[tuple[int, float]] = []
         self._events: list[Event] = []
 
-    def straight(self, end: Sequence[float], feed: float, line: int) -> None:
+    def path_tolerance(self, tolerance: float) -> None:
+        """Set the path tolerance of the moves to come [mm]; 0 = come to rest after each."""
+        self._tolerances.append((len(self._line), tolerance))
+
+    def straight(self, end: list[float], feed: float, line: int) -> None:
         """Add a straight move; an infinite ``feed`` is a rapid."""
         self._line.append(line)
-        self._end.extend(end)
+        self._end.fromlist(end)
         self._feed.append(feed)
-        self._tolerance.append(self.tolerance)
 
     def arc(
         self,
-        end: Sequence[float],
+        end: list[float],
         feed: float,
         line: int,
         *,
@@ -58,7 +61,7 @@ class Recorder:
         """Stand still."""
         self.stop()
         self._dwells.append((len(self._line), seconds))
-        self.straight(self._end[-len(AXES) :] or self._start, 0.0, line)
+        self.straight(self._end[-len(AXES) :].tolist() or self._start, 0.0, line)
         self.stop()
 
     def event(
@@ -71,8 +74,7 @@ class Recorder:
 
     def stop(self) -> None:
         """Let the motion so far end at rest."""
-        if self._tolerance:
-            self._tolerance[-1] = 0.0
+        self._stops.append(len(self._line))
 
     def program(self, path: str) -> Program:
         """Return all of it; the last move ends at rest."""
@@ -85,6 +87,9 @@ class Recorder:
             kind[i], plane[i], center[i], sweep[i] = MoveKind.ARC, turned_about, arc_center, angle
         for i, seconds in self._dwells:
             kind[i], dwell[i] = MoveKind.DWELL, seconds
+        first, value = zip(*self._tolerances, strict=True)
+        tolerance = np.repeat(np.array(value), np.diff([*first, n]))
+        tolerance[np.array(sorted({*self._stops} - {0}), dtype=np.int64) - 1] = 0.0
         feed = np.array(self._feed)
         moves = Moves(
             start=np.array(self._start, dtype=np.float64),
@@ -97,6 +102,6 @@ class Recorder:
             sweep=sweep,
             feed=feed,
             dwell=dwell,
-            tolerance=np.array(self._tolerance),
+            tolerance=tolerance,
         )
         return Program(path, moves, tuple(self._events))

@@ -1,0 +1,356 @@
+"""Compiled loops of the verifier. Imported on first use, since loading a compiler takes time."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pulsewright.motion.evaluate import coordinate, path_coordinate
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+# Elements of the state that `follow` carries from chunk to chunk
+COUNT, PIECE, GRID, WINDOW, PREVIOUS, FORWARD, BACKWARD = 0, 1, 2, 3, 4, 5, 6
+FOLLOW_STATE: Final = 7
+BINS_PER_STEP: Final = 20  # histogram of deviations: bins of 0.05 step ...
+HISTOGRAM: Final = 81  # ... centred on -2 .. +2 step, the outer ones open
+
+REACH_MOVES: Final = 1000  # the nearest-point search looks no further than so many moves
+ENOUGH_NEIGHBOURS: Final = 2  # ... and at least this far, whatever their length
+
+
+@njit(cache=True)
+def follow(
+    step: Ints,
+    active: int,
+    direction: Ints,
+    positive: int,
+    end: int,
+    clock: float,
+    origin: int,
+    grid: int,
+    bound: float,
+    poly: Floats,
+    cosine: Floats,
+    sine: Floats,
+    omega: Floats,
+    element: NDArray[np.int32],
+    start: Floats,
+    law: Floats,
+    motor: int,
+    window: Ints,
+    seen: Ints,
+    state: Ints,
+    worst: Floats,
+    histogram: Ints,
+    grid_count: Ints,
+    grid_plan: Floats,
+    grid_deviation: Floats,
+) -> int:
+    """Follow one motor through one chunk and compare it with its plan; return the grid points met.
+
+    The deviation (count minus plan) is taken at every step, both just before and just after it,
+    at every grid point and at the end of every piece of the plan.
+
+    Parameters
+    ----------
+    step, direction : (n,), (m,) int64
+        Cycles of the changes of both pins.
+    active, positive : int
+        1 if the step pin is active and the direction positive before the chunk.
+    end : int
+        First cycle after the chunk.
+    clock : float
+        Cycles per second of the plan.
+    origin : int
+        Cycle of the plan's time 0.
+    grid : int
+        Grid points are at ``origin + k * grid`` [cycle].
+    bound : float
+        Deviations above it are counted [step].
+    poly, cosine, sine, omega, element, start, law, motor
+        The plan in steps, as in `Trajectory`, and the coordinate to follow.
+    window : (windows, 2) int64
+        First and last cycle of intervals, by first cycle, in which to note the counts.
+    seen : (windows, 2) int64
+        Lowest and highest count in each window, in place; empty where lowest > highest.
+    state : (FOLLOW_STATE,) int64
+        Carried on.
+    worst : (3,) float64
+        Deviation of largest magnitude with its sign, its cycle, number above ``bound``; in place.
+    histogram : (HISTOGRAM,) int64
+        Deviations at steps, in place.
+    grid_count, grid_plan, grid_deviation : (g,)
+        Count and plan at each grid point in the chunk, and the largest deviation since the one
+        before it; filled from 0 on.
+    """
+    count, k, point, first = state[COUNT], state[PIECE], state[GRID], state[WINDOW]
+    previous = state[PREVIOUS]
+    points, last = 0, start.size - 2
+    most = abs(worst[0])
+    recent = 0.0
+    i, j = 0, 0
+    trailing = active  # 1: the next change is a trailing edge
+    while True:
+        # the next active edge, or the end of the chunk
+        i += trailing
+        trailing = 1
+        now = step[i] if i < step.size else end
+        i += 1
+        # what happens while the count stands still: grid points, ends of pieces, windows
+        while True:
+            at = origin + point * grid
+            on_grid = at < now
+            t = ((at if on_grid else now) - origin) / clock
+            t = min(max(t, 0.0), start[last + 1])
+            while k < last and t >= start[k + 1]:
+                e = element[k]
+                s = path_coordinate(law, k, start[k + 1] - start[k])
+                deviation = count - coordinate(poly, cosine, sine, omega, e, motor, s)
+                recent = max(recent, abs(deviation))
+                if abs(deviation) > most:
+                    most = abs(deviation)
+                    worst[0], worst[1] = deviation, origin + start[k + 1] * clock
+                if abs(deviation) > bound:
+                    worst[2] += 1
+                k += 1
+            e = element[k]
+            s = path_coordinate(law, k, t - start[k])
+            x = coordinate(poly, cosine, sine, omega, e, motor, s)
+            deviation = count - x
+            recent = max(recent, abs(deviation))
+            if abs(deviation) > most:
+                most = abs(deviation)
+                worst[0], worst[1] = deviation, (at if on_grid else now)
+            if abs(deviation) > bound:
+                worst[2] += 1
+            if not on_grid:
+                break
+            grid_count[points] = count
+            grid_plan[points] = x
+            grid_deviation[points] = recent
+            recent = 0.0
+            points += 1
+            point += 1
+        while first < window.shape[0] and window[first, 1] < previous:
+            first += 1
+        w = first
+        while w < window.shape[0] and window[w, 0] < now:
+            if window[w, 1] >= previous:
+                seen[w, 0] = min(seen[w, 0], count)
+                seen[w, 1] = max(seen[w, 1], count)
+            w += 1
+        previous = now
+        if i > step.size:
+            break
+        histogram[_bin(deviation)] += 1
+        while j < direction.size and direction[j] <= now:
+            positive = 1 - positive
+            j += 1
+        if positive:
+            count += 1
+            state[FORWARD] += 1
+        else:
+            count -= 1
+            state[BACKWARD] += 1
+        deviation = count - x
+        histogram[_bin(deviation)] += 1
+        recent = max(recent, abs(deviation))
+        if abs(deviation) > most:
+            most = abs(deviation)
+            worst[0], worst[1] = deviation, now
+        if abs(deviation) > bound:
+            worst[2] += 1
+    state[COUNT], state[PIECE], state[GRID], state[WINDOW] = count, k, point, first
+    state[PREVIOUS] = previous
+    return points
+
+
+@njit(cache=True, inline="always")
+def _bin(deviation: float) -> int:
+    middle = HISTOGRAM // 2
+    scaled = min(max(deviation * BINS_PER_STEP, -float(middle)), float(middle))
+    return middle + math.floor(scaled + 0.5)
+
+
+@njit(cache=True)
+def arc_distance2(
+    p0: float, p1: float, p2: float, c0: float, c1: float, n0: float, arc: Floats
+) -> float:
+    """Return the squared distance of a point from an arc, helix or spiral.
+
+    Parameters
+    ----------
+    p0, p1, p2 : float
+        The point: both coordinates in the plane, and along the normal.
+    c0, c1, n0 : float
+        Centre in the plane; coordinate along the normal where the arc starts.
+    arc : (5,) float64
+        Angle at the start, sweep [rad], radius at the start, radius at the end, rise.
+    """
+    begin, sweep, r0, r1, rise = arc[0], arc[1], arc[2], arc[3], arc[4]
+    x, y, z = p0 - c0, p1 - c1, p2 - n0
+    angle = math.atan2(y, x)
+    best = math.inf
+    # both ends, and the foot of the perpendicular in every turn that could hold the nearest point
+    for u in (0.0, 1.0):
+        r = r0 + (r1 - r0) * u
+        a = begin + sweep * u
+        best = min(
+            best,
+            (r * math.cos(a) - x) ** 2 + (r * math.sin(a) - y) ** 2 + (rise * u - z) ** 2,
+        )
+    if sweep == 0.0:
+        return best
+    turn = 2.0 * math.pi / abs(sweep)
+    u0 = ((angle - begin) / sweep) % turn
+    turns = math.floor((1.0 - u0) / turn) if u0 <= 1.0 else -1
+    middle = 0
+    if rise != 0.0:
+        middle = round((z / rise - u0) / turn)
+    for k in range(max(0, middle - 1), min(turns, middle + 1) + 1):
+        u = u0 + k * turn
+        for _ in range(4):  # Newton on the derivative of the distance; exact at once on a circle
+            r = r0 + (r1 - r0) * u
+            a = begin + sweep * u
+            cos, sin = math.cos(a), math.sin(a)
+            dx = (r1 - r0) * cos - r * sweep * sin
+            dy = (r1 - r0) * sin + r * sweep * cos
+            ex, ey, ez = r * cos - x, r * sin - y, rise * u - z
+            slope = ex * dx + ey * dy + ez * rise
+            ddx = -2.0 * (r1 - r0) * sweep * sin - r * sweep * sweep * cos
+            ddy = 2.0 * (r1 - r0) * sweep * cos - r * sweep * sweep * sin
+            curve = dx * dx + dy * dy + rise * rise + ex * ddx + ey * ddy
+            if curve <= 0.0:
+                break
+            u = min(max(u - slope / curve, 0.0), 1.0)
+        r = r0 + (r1 - r0) * u
+        a = begin + sweep * u
+        best = min(
+            best,
+            (r * math.cos(a) - x) ** 2 + (r * math.sin(a) - y) ** 2 + (rise * u - z) ** 2,
+        )
+    return best
+
+
+@njit(cache=True)
+def segment_distance2(p: Floats, a: Floats, b: Floats, first: int) -> float:
+    """Return the squared distance of p from the segment a..b in coordinates first .. first + 2."""
+    along, length = 0.0, 0.0
+    for c in range(first, first + 3):
+        along += (p[c] - a[c]) * (b[c] - a[c])
+        length += (b[c] - a[c]) ** 2
+    u = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+    total = 0.0
+    for c in range(first, first + 3):
+        total += (p[c] - a[c] - u * (b[c] - a[c])) ** 2
+    return total
+
+
+@njit(cache=True)
+def move_distance2(
+    p: Floats,
+    i: int,
+    first: int,
+    begin: Floats,
+    finish: Floats,
+    normal: NDArray[np.int8],
+    center: Floats,
+    arc: Floats,
+) -> float:
+    """Return the squared distance of p (6,) from move i, in X Y Z (first = 0) or A B C (3).
+
+    ``normal`` (n,) is the axis about which an arc turns, -1 for a line; A, B, C always run along
+    a line.
+    """
+    if first == 0 and normal[i] >= 0:
+        n = normal[i]
+        u, v = (n + 1) % 3, (n + 2) % 3
+        return arc_distance2(p[u], p[v], p[n], center[i, u], center[i, v], begin[i, n], arc[i])
+    return segment_distance2(p, begin[i], finish[i], first)
+
+
+@njit(cache=True)
+def compare_path(
+    position: Floats,
+    before: Floats,
+    move: Ints,
+    allowed: Floats,
+    near: float,
+    cycle: int,
+    grid: int,
+    first: int,
+    begin: Floats,
+    finish: Floats,
+    normal: NDArray[np.int8],
+    center: Floats,
+    arc: Floats,
+    length: Floats,
+    span: Ints,
+    state: Ints,
+    worst: Floats,
+    covered: Floats,
+    distance: Floats,
+) -> None:
+    """Compare positions on the grid with the programmed path, and note which corners they pass.
+
+    Parameters
+    ----------
+    position : (g, 6) float64
+        Tool at grid points ``cycle``, ``cycle + grid``, ...
+    before : (6,) float64
+        Tool at the grid point before; replaced by the last one.
+    move : (g,) int64
+        The move that the plan is in.
+    allowed : (g,) float64
+        Largest distance allowed.
+    near : float
+        Distance with which the search is content without looking at moves further away.
+    first : int
+        0: X, Y, Z; 3: A, B, C.
+    begin, finish, normal, center, arc, length
+        The moves; ``length`` (n,) tells how far the search has gone.
+    span : (n, 2) int64
+        First and last cycle at which the end of each move can be passed; both never decreasing.
+    state : (2,) int64
+        First move whose end may still be passed; first move whose span has not begun.
+    worst : (4,) float64
+        Largest distance / allowed, that distance, what was allowed, its cycle; in place.
+    covered : (n,) float64
+        Smallest distance at which each move's end was passed so far, in place.
+    distance : (g,) float64
+        Distance of each point from the path, filled.
+    """
+    n = finish.shape[0]
+    for g in range(position.shape[0]):
+        p = position[g]
+        m = move[g]
+        best = move_distance2(p, m, first, begin, finish, normal, center, arc)
+        reach = 4.0 * allowed[g]
+        for way in (1, -1):
+            gone, i = 0.0, m + way
+            while 0 <= i < n and abs(i - m) <= REACH_MOVES:
+                far = abs(i - m) > ENOUGH_NEIGHBOURS
+                if far and (gone > reach or best <= near * near):
+                    break
+                best = min(best, move_distance2(p, i, first, begin, finish, normal, center, arc))
+                gone += length[i]
+                i += way
+        distance[g] = math.sqrt(best)
+        if distance[g] > worst[0] * allowed[g]:
+            worst[0], worst[1] = distance[g] / allowed[g], distance[g]
+            worst[2], worst[3] = allowed[g], cycle + g * grid
+
+        now = cycle + g * grid
+        while state[1] < n and span[state[1], 0] <= now:
+            state[1] += 1
+        while state[0] < state[1] and span[state[0], 1] < now - grid:
+            state[0] += 1
+        for i in range(state[0], state[1]):
+            covered[i] = min(covered[i], segment_distance2(finish[i], before, p, first))
+        before[:] = p

@@ -1,0 +1,213 @@
+"""What a recording is compared with: plan, programmed moves, machine and tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pulsewright.edges.path import MotorPins
+from pulsewright.errors import UsageError
+from pulsewright.motion.moves import AXES, MoveKind, Moves
+from pulsewright.motion.trajectory import Trajectory
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FAR: Final = 1 << 62  # a cycle that no recording reaches
+ROUNDING: Final = 1e-6  # of programs and their geometry [mm, degrees]
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """What the verifier allows, and how it looks.
+
+    Parameters
+    ----------
+    following : float
+        Largest difference of count and planned motor position at any instant [step].
+    settle : float
+        Time after the plan has come to rest by which the counts must be exact [s].
+    passing : float
+        Closest approach to a stop at which the plan rests for less than ``settle`` [step].
+    tie : float
+        A stop so close to half a step may be rounded either way [step].
+    share : float
+        Velocities and accelerations are measured over windows so long that steps blur the limit
+        by about this share of it, 0 .. 1.
+    sampling : float
+        Time between the instants at which path, velocity and acceleration are measured [s].
+    samples : int
+        Most points kept for pictures.
+    """
+
+    following: float = 1.1
+    settle: float = 2e-3
+    passing: float = 0.75
+    tie: float = 1e-6
+    share: float = 0.15
+    sampling: float = 1e-3
+    samples: int = 100_000
+
+
+class Reference:
+    """What every part of the verifier needs to know.
+
+    Parameters
+    ----------
+    trajectory, moves, motor_matrix, clock_hz, motors, start_cycle, start_counts, tolerances
+        As in `Verifier`.
+
+    Attributes
+    ----------
+    plan, steps : Trajectory
+        The plan in machine axes, and in motor steps.
+    inverse : (6, motors) float64
+        Axis units per step of each motor, by the pseudo-inverse: two motors of a gantry count half.
+    start, grid : int
+        Cycle of the plan's time 0; cycles between the instants looked at.
+    dt : float
+        Time between these [s].
+    runs : Runs
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        moves: Moves,
+        motor_matrix: Floats,
+        clock_hz: int,
+        motors: Sequence[MotorPins],
+        start_cycle: int,
+        start_counts: Ints | None,
+        tolerances: Tolerances,
+    ) -> None:
+        self.tolerances, self.clock, self.start = tolerances, clock_hz, start_cycle
+        self.motors, self.moves = tuple(motors), moves
+        self.plan = _with_rest(trajectory, moves)
+        matrix = np.asarray(motor_matrix, float)
+        if matrix.shape != (len(self.motors), len(AXES)):
+            raise UsageError(
+                f"the motor matrix must be {(len(self.motors), len(AXES))} for "
+                f"{len(self.motors)} motors, not {matrix.shape}"
+            )
+        self.inverse = np.linalg.pinv(matrix)
+        # No edge can tell what an axis without a motor of its own does.
+        self.moving = np.ptp(_corners(moves), axis=0) > 0
+        alone = np.isclose(self.inverse @ matrix, np.eye(len(AXES)), atol=1e-9).all(axis=1)
+        orphans = [AXES[i] for i in np.flatnonzero(self.moving & ~alone)]
+        if orphans:
+            raise UsageError(
+                f"the program moves axis {', '.join(orphans)}, but the motors do not determine "
+                f"where it is: check motors and kinematics of the machine"
+            )
+        self.steps = self.plan.mapped(matrix)
+        self.home = self.plan.at(0.0)[0]
+        self.home_steps = matrix @ self.home
+        counts = np.floor(self.home_steps + 0.5) if start_counts is None else start_counts
+        self.start_counts = np.asarray(counts, np.int64)
+        self.grid = max(1, round(tolerances.sampling * clock_hz))
+        self.dt = self.grid / clock_hz
+        self.runs = Runs(self.plan, moves)
+
+    def tool(self, steps: NDArray[Any]) -> Floats:
+        """Return tool positions (n, 6) of motor positions (n, motors)."""
+        return np.asarray(self.home + (steps - self.home_steps) @ self.inverse.T)
+
+    def cycle(self, time: float) -> float:
+        """Return the cycle at a time of the plan [s]."""
+        return self.start + time * self.clock
+
+    def place(self, cycle: float) -> dict[str, Any]:
+        """Return time, program line and position of the plan at ``cycle``, as `Check` has them."""
+        time = min(max((cycle - self.start) / self.clock, 0.0), self.plan.duration)
+        x, y, z = self.plan.at(time)[0, :3].tolist()
+        line = None
+        if len(self.moves):
+            line = int(self.moves.line[self.runs.move[self.runs.at(np.array([time]))[0]]])
+        return {"time": float(time), "line": line, "position": (x, y, z)}
+
+
+class Runs:
+    """Stretches of time in which the plan is in one move, and what holds in and around each.
+
+    Attributes
+    ----------
+    move : (r,) int64
+    start, end : (r,) float64
+        [s]
+    tolerance : (r,) float64
+        Largest tolerance of the corners that the run touches [mm].
+    rapid : (r,) bool
+    feed : dict of (r,) float64
+        Highest feed in the run and at its end: ``XYZ`` [mm/s], ``ABC`` [degrees/s].
+    """
+
+    def __init__(self, plan: Trajectory, moves: Moves) -> None:
+        move = plan.move[plan.element].astype(np.int64)
+        first = np.flatnonzero(np.diff(move, prepend=-1))
+        self.move = move[first]
+        self.start = plan.start[:-1][first]
+        self.end = np.append(self.start[1:], plan.duration)
+        if not len(moves):
+            self.tolerance, self.rapid = np.zeros(1), np.zeros(1, bool)
+            self.feed = {"XYZ": np.zeros(1), "ABC": np.zeros(1)}
+            return
+        if (np.diff(self.move) < 0).any() or not 0 <= self.move[0] <= self.move[-1] < len(moves):
+            raise UsageError(
+                f"plan and moves do not belong together: the plan visits moves "
+                f"{self.move.min()}..{self.move.max()} or goes back, there are {len(moves)}"
+            )
+        before = np.append(self.move[:1], self.move[:-1])
+        after = np.append(self.move[1:], len(moves) - 1)
+        # from the corner at the start of this move to the last one that the plan skips after it
+        self.tolerance = largest(moves.tolerance, before, np.maximum(after, self.move + 1))
+        self.rapid = moves.rapid[self.move]
+        delta = np.abs(moves.end - moves.starts())
+        linear = (delta[:, :3] > 0).any(axis=1) | (moves.kind == MoveKind.ARC)
+        rotary = (delta[:, 3:] > 0).any(axis=1)
+        feed = np.where(moves.rapid, np.inf, moves.feed)
+        # A feed is along X Y Z where one of them moves, and then says nothing of A B C.
+        self.feed = {
+            "XYZ": largest(np.where(linear, feed, 0.0), self.move, after + 1),
+            "ABC": largest(
+                np.where(rotary, np.where(linear, np.inf, feed), 0.0), self.move, after + 1
+            ),
+        }
+
+    def at(self, time: Floats) -> Ints:
+        """Return the run at each time [s]."""
+        found = np.searchsorted(self.start, time, side="right") - 1
+        return np.maximum(found, 0).astype(np.int64)
+
+
+def largest(values: Floats, begin: Ints, end: Ints) -> Floats:
+    """Return the largest of ``values[begin[i]:end[i]]`` for each i; no range may be empty."""
+    pairs = np.stack([begin, end], axis=1).ravel()
+    return np.asarray(np.maximum.reduceat(np.append(values, -np.inf), pairs)[::2])
+
+
+def _corners(moves: Moves) -> Floats:
+    """Return start and ends of all moves, and the far points of arcs, to see which axes move."""
+    points = [moves.start[None], moves.end]
+    for plane in range(3):
+        arcs = (moves.kind == MoveKind.ARC) & (moves.plane == plane)
+        turning = [c for c in range(3) if c != plane]
+        far = moves.end[arcs]  # a full circle ends where it starts
+        far[:, turning] = 2 * moves.center[arcs][:, turning] - far[:, turning]
+        points.append(far)
+    return np.concatenate(points)
+
+
+def _with_rest(plan: Trajectory, moves: Moves) -> Trajectory:
+    """Return ``plan``, or a standstill in its place if it has no piece at all."""
+    if len(plan.element):
+        return plan
+    poly = np.zeros((1, 4, len(AXES)))
+    poly[0, 0] = moves.start
+    none, zero = np.zeros((1, len(AXES))), np.zeros(1)
+    first = np.zeros(1, np.int32)
+    return Trajectory(poly, none, none, zero, zero, first, first, np.zeros(2), np.zeros((1, 4)))

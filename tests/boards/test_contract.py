@@ -1,0 +1,189 @@
+"""What every room owes to the floors above it."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pulsewright
+from pulsewright import boards
+from pulsewright.boards.board import Board
+from pulsewright.errors import PulsewrightError, UsageError
+
+HEAVY = ("numba", "amaranth", "systemrdl", "matplotlib", "pydantic")
+ROOM = Path(boards.__file__).parent
+
+each_board = pytest.mark.parametrize("room", boards.BOARDS.values(), ids=lambda room: room.name)
+each_profile = pytest.mark.parametrize(
+    ("room", "profile"),
+    [(room, profile) for room in boards.BOARDS.values() for profile in room.profiles],
+    ids=lambda value: getattr(value, "name", value),
+)
+
+
+def modules_after(code):
+    """Return the modules that a new interpreter holds after ``code``."""
+    code += "\nimport json, sys; print(json.dumps(sorted(sys.modules)))"
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    return set(json.loads(out.stdout))
+
+
+# ----------------------------------------------------------------------------------- the registry
+
+
+def test_the_usc_is_a_board():
+    assert isinstance(boards.get("usc"), Board)
+    assert boards.get("usc").default_profile == "document"
+
+
+def test_an_unknown_board_is_answered_with_those_there_are():
+    with pytest.raises(UsageError, match=r"no board 'usb'; the boards are .*usc"):
+        boards.get("usb")
+    with pytest.raises(UsageError, match="no board 'usb'"):
+        boards.open_board("usb")
+
+
+@pytest.mark.parametrize("link", ["epp:/dev/parport0", "twin", "twin:2", ""])
+def test_a_link_that_cannot_be_opened_is_answered_with_those_that_can(link):
+    with pytest.raises(UsageError, match=rf"link '{link}' .*usable are 'twin:'"):
+        boards.open_board("usc", link)
+
+
+def test_public_names_are_found_and_others_are_not():
+    assert pulsewright.open_board is boards.open_board
+    assert "open_board" in dir(pulsewright)
+    with pytest.raises(AttributeError, match="no attribute 'open_bord'"):
+        pulsewright.open_bord  # noqa: B018
+
+
+def test_importing_the_package_imports_nothing_else():
+    loaded = modules_after("import pulsewright")
+    assert {name for name in loaded if name.startswith("pulsewright")} == {"pulsewright"}
+    assert "numpy" not in loaded
+
+
+def test_listing_boards_loads_no_twin_no_driver_and_no_compiler():
+    loaded = modules_after("from pulsewright.boards import BOARDS; print(end='' if BOARDS else 1)")
+    assert not loaded & set(HEAVY)
+    parts = re.compile(r"pulsewright\.boards\.\w+\.(twin|driver|commands|player)")
+    assert not [name for name in loaded if parts.match(name)]
+
+
+# ----------------------------------------------------------------------------------- every room
+
+
+@each_board
+def test_a_room_describes_itself(room):
+    registers = room.registers()
+    assert registers.board == room.name
+    assert room.title == registers.title
+    assert room.document
+    assert room.profiles == registers.profiles
+    assert room.default_profile == room.profiles[0]
+
+
+@each_board
+def test_the_readme_names_document_profiles_and_every_switch(room):
+    text = (ROOM / room.name / "README.md").read_text()
+    words = " ".join(text.split())
+    assert text.startswith(f"# {room.title}\n")
+    assert all(part in words.replace("*", "") for part in room.document.split(", "))
+    for profile in room.profiles:
+        assert f"`{profile}`" in text
+    for name in room.switches():
+        row = re.search(rf"^\| `{name}` \|.*\| (\S+) \| (\S+) \|$", text, re.MULTILINE)
+        assert row, f"no row for {name}"
+        values = [int(cell, 0) for cell in row.groups()]
+        assert values == [room.switches(profile)[name] for profile in room.profiles]
+
+
+@each_board
+def test_examples_of_the_readme_run_and_print_what_they_say(room, capsys):
+    text = (ROOM / room.name / "README.md").read_text()
+    examples = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert examples
+    for example in examples:
+        exec(example, {})
+        said = re.findall(r"print\(.*\)  # (.*)$", example, re.MULTILINE)
+        printed = capsys.readouterr().out.splitlines()
+        assert said
+        for line, comment in zip(printed, said, strict=True):
+            assert comment == line or comment.startswith(line + ":")
+
+
+@each_profile
+def test_every_profile_opens_initialises_and_runs(room, profile):
+    with boards.open_board(room.name, profile=profile) as driver:
+        assert driver.profile == profile
+        driver.identify()
+        driver.initialise()
+        assert not driver.running
+        driver.release_estop()
+        assert driver.running
+        driver.check_running()
+        driver.estop()
+        assert not driver.running
+
+
+@each_board
+def test_opening_sends_nothing(room):
+    driver = boards.open_board(room.name)
+    assert driver.bus.now() == 0
+
+
+@each_board
+def test_boards_opened_apart_are_apart(room):
+    first, second = (boards.open_board(room.name) for _ in range(2))
+    first.initialise()
+    first.release_estop()
+    assert first.running
+    assert not second.running
+
+
+@each_board
+def test_a_twin_records_its_pins(room):
+    twin = room.twin(room.default_profile)
+    trace = twin.drain()
+    assert "step0" in trace.pins
+    assert "dir0" in trace.pins
+    assert trace.clock_hz == twin.clock_hz
+    assert np.asarray(trace.initial).shape == (len(trace.pins),)
+
+
+@each_board
+def test_wrong_profiles_and_switches_are_refused_by_name(room):
+    with pytest.raises(UsageError, match=f"{room.name} has no profile 'x'; it has .*document"):
+        boards.open_board(room.name, profile="x")
+    with pytest.raises(UsageError, match=f"{room.name} has no profile switch 'x'; it has "):
+        boards.open_board(room.name, x=1)
+    for switch in room.registers().switches:
+        for value in (switch.minimum - 1, switch.maximum + 1):
+            with pytest.raises(UsageError, match=f"{switch.name} = {value} .*allowed are"):
+                room.switches(**{switch.name: value})
+        for value in (switch.minimum, switch.maximum):
+            assert room.switches(**{switch.name: value})[switch.name] == value
+
+
+@each_board
+def test_a_driver_over_a_given_bus_loads_no_compiler(room):
+    loaded = modules_after(
+        f"from pulsewright.boards import get\n"
+        f"class Bus:\n"
+        f"    clock_hz, access_cycles = 40_000_000, 60\n"
+        f"get('{room.name}').driver(Bus())"
+    )
+    assert f"pulsewright.boards.{room.name}.driver" in loaded
+    assert not loaded & set(HEAVY)
+
+
+@each_board
+def test_errors_are_of_one_tree(room):
+    driver = boards.open_board(room.name)
+    with pytest.raises(PulsewrightError):
+        driver.check_running()

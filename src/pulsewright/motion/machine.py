@@ -356,7 +356,7 @@ class Machine(_Table):
         letter, place = AXES[column], f"line {moves.line[move]}"
         if absent[column]:
             raise MotionLimitError(
-                f"{place}: moves axis {letter}, which the machine '{self.name}' does not have; only "
+                f"{place}: moves axis {letter}, which machine '{self.name}' does not have; only "
                 f"{', '.join(self.axes)}; remove the {letter} words or choose another machine"
             )
         value, unit = reached[move, column], "mm" if letter in LINEAR else "degrees"

@@ -1,0 +1,512 @@
+"""Compiled geometry of the planner: from moves to segments, and with blended corners to elements.
+
+Moves too short to matter are dropped. Where short moves would force the machine to slow down at
+each of their noisy corners, a few of them are replaced by their chord, within the tolerance. At
+corners with tolerance the path is blended: a parabola (a cubic next to an arc) replaces it, with
+the path's positions and derivatives at both ends.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+NOTHING = 1e-8  # motion shorter than this is none [mm, degrees]
+TANGENT = 1e-9  # tangents that differ less are equal; the jump in velocity is rounding
+REVERSAL = -0.98  # cosine between tangents below which the machine stops in the corner
+MERGE_SHARE = 1 / 3  # of the tolerance, for chords; the rest is for blends
+LONGEST_RUN = 64  # moves that one chord may replace
+BLEND_SHARE = 0.1  # of the acceleration at full speed; a blend need not take less
+SHORT_BLEND = 0.1  # of the stopping distance: so short a blend hinders no change of speed
+WIDEST_ARC = 0.5  # of an arc that a blend may replace [rad]
+ARC_SHARE = 0.95  # of the acceleration for bending on arcs; the rest changes speed
+ARC, DWELL = 1, 2  # as MoveKind
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+class Limits(NamedTuple):
+    """Bounds ``|rows x'| <= velocity`` and ``|rows x''| <= acceleration`` over time."""
+
+    rows: Floats  # (r, 6)
+    velocity: Floats  # (r,)
+    acceleration: Floats  # (r,)
+
+
+class Segments(NamedTuple):
+    """Lines, arcs and rests, each from where the one before it ends.
+
+    Geometry is that of a trajectory's elements, of degree 1. The path coordinate is the length in
+    X, Y, Z, or in A, B, C [degrees] where only those move; so its rate is the programmed feed.
+    """
+
+    poly: Floats  # (s, 2, 6)
+    cosine: Floats  # (s, 6)
+    sine: Floats  # (s, 6)
+    omega: Floats  # (s,)
+    length: Floats  # (s,); 0 for a rest
+    move: Ints  # (s,) the last move that the segment stands for
+    feed: Floats  # (s,)
+    dwell: Floats  # (s,) [s]
+    tolerance: Floats  # (s,) left for a blend at the end; 0: rest there
+    top: Floats  # (s,) largest square of the speed
+    ramp: Floats  # (s,) path acceleration possible up to it; 0 for a rest
+
+
+class Elements(NamedTuple):
+    """Trimmed segments and the blends between them: geometry of a trajectory, and its limits."""
+
+    poly: Floats  # (m, 4, 6)
+    cosine: Floats  # (m, 6)
+    sine: Floats  # (m, 6)
+    omega: Floats  # (m,)
+    length: Floats  # (m,)
+    move: NDArray[np.int32]  # (m,)
+    dwell: Floats  # (m,)
+    top: Floats  # (m,) as in `Segments`; the lower one of the neighbours for a blend
+    ramp: Floats  # (m,); 0 for a blend, whose limits couple speed and acceleration
+    rest: Flags  # (m,) whether the machine comes to rest at the end
+
+
+@njit(cache=True, error_model="numpy")
+def _length(v: Floats, first: int) -> float:
+    """Return the length of the linear (first = 0) or rotary (first = 3) part of a vector."""
+    return math.sqrt(v[first] ** 2 + v[first + 1] ** 2 + v[first + 2] ** 2)
+
+
+@njit(cache=True, error_model="numpy")
+def _norm(v: Floats) -> float:
+    """Return the larger of the linear and the rotary length."""
+    return max(_length(v, 0), _length(v, 3))
+
+
+@njit(cache=True, error_model="numpy")
+def kept_moves(
+    start: Floats,
+    kind: NDArray[np.int8],
+    end: Floats,
+    sweep: Floats,
+    dwell: Floats,
+    tolerance: Floats,
+) -> tuple[Ints, Floats]:
+    """Return the moves that do something, and the tolerance at the end of each of them.
+
+    Moves without motion pass on their demand to rest.
+    """
+    kept, left = np.empty(kind.size, np.int64), np.empty(kind.size)
+    last = start
+    n = 0
+    for i in range(kind.size):
+        keep = sweep[i] != 0.0 if kind[i] == ARC else dwell[i] > 0.0
+        if kind[i] == DWELL:
+            if n > 0:
+                left[n - 1] = 0.0
+        else:
+            for axis in range(6):
+                keep |= abs(end[i, axis] - last[axis]) > NOTHING
+        if keep:
+            kept[n], left[n] = i, tolerance[i]
+            n += 1
+            if kind[i] == DWELL:
+                left[n - 1] = 0.0
+            else:
+                last = end[i]
+        elif n > 0:
+            left[n - 1] = min(left[n - 1], tolerance[i])
+    return kept[:n], left[:n]
+
+
+@njit(cache=True, error_model="numpy")
+def traced(
+    start: Floats,
+    kind: NDArray[np.int8],
+    plane: NDArray[np.int8],
+    end: Floats,
+    center: Floats,
+    sweep: Floats,
+    feed: Floats,
+    dwell: Floats,
+    move: Ints,
+    tolerance: Floats,
+    limits: Limits,
+) -> Segments:
+    """Return the segments that end with each move of ``move``.
+
+    ``start`` (6,) and the columns of the moves, (n,) or (n, axes), are those of `Moves`; ``move``
+    and ``tolerance`` are (s,). Where the ends of an arc differ in radius, the difference is spread
+    evenly over the arc.
+    """
+    n = move.size
+    poly, cosine, sine = np.zeros((n, 2, 6)), np.zeros((n, 6)), np.zeros((n, 6))
+    omega, length = np.zeros(n), np.zeros(n)
+    top, ramp, pause, speed = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    delta, work = np.empty(6), np.empty((4, limits.velocity.size))
+    x = start.copy()
+    for k in range(n):
+        i = move[k]
+        for axis in range(6):
+            delta[axis] = end[i, axis] - x[axis]
+            poly[k, 0, axis] = x[axis]
+        if kind[i] == DWELL:
+            pause[k] = dwell[i]
+            continue
+        turn = 0.0
+        if kind[i] == ARC:
+            a, b = (plane[i] + 1) % 3, (plane[i] + 2) % 3
+            u, v = x[a] - center[i, a], x[b] - center[i, b]
+            c, s = math.cos(sweep[i]), math.sin(sweep[i])
+            delta[a] = end[i, a] - (center[i, a] + u * c - v * s)
+            delta[b] = end[i, b] - (center[i, b] + v * c + u * s)
+            sign = math.copysign(1.0, sweep[i])
+            poly[k, 0, a], poly[k, 0, b] = center[i, a], center[i, b]
+            cosine[k, a], cosine[k, b] = u, v
+            sine[k, a], sine[k, b] = -sign * v, sign * u
+            turn = abs(sweep[i])
+            around = math.hypot(u, v) * turn + math.hypot(delta[a], delta[b])
+            length[k] = math.hypot(around, delta[plane[i]])
+        else:
+            length[k] = _length(delta, 0)
+        if length[k] < NOTHING:
+            length[k] = _length(delta, 3)
+        for axis in range(6):
+            poly[k, 1, axis] = delta[axis] / length[k]
+            x[axis] = end[i, axis]
+        omega[k] = turn / length[k]
+        speed[k] = feed[i]
+        top[k], ramp[k] = _limits(
+            poly[k, 1], cosine[k], sine[k], omega[k], turn, feed[i], limits, work
+        )
+    return Segments(poly, cosine, sine, omega, length, move, speed, pause, tolerance, top, ramp)
+
+
+@njit(cache=True, error_model="numpy")
+def _peak_cosine(phase: float, angle: float) -> float:
+    """Return the largest ``|cos(theta - phase)|`` for theta in 0..angle."""
+    first = math.ceil(-phase / math.pi) * math.pi + phase  # first extreme at theta >= 0
+    if first <= angle:
+        return 1.0
+    return max(abs(math.cos(phase)), abs(math.cos(angle - phase)))
+
+
+@njit(cache=True, error_model="numpy")
+def _limits(
+    straight: Floats,
+    cosine: Floats,
+    sine: Floats,
+    omega: float,
+    turn: float,
+    feed: float,
+    limits: Limits,
+    work: Floats,
+) -> tuple[float, float]:
+    """Return the largest square of the speed, and the path acceleration possible up to it."""
+    line, swing = work[0], work[1]  # parts of x' along each row
+    along, bend = work[2], work[3]  # largest x' and x'' along each row
+    count = limits.velocity.size
+    top = feed * feed
+    for r in range(count):
+        c, s = 0.0, 0.0
+        line[r], bend[r] = 0.0, 0.0
+        for axis in range(6):
+            line[r] += limits.rows[r, axis] * straight[axis]
+            c += limits.rows[r, axis] * cosine[axis]
+            s += limits.rows[r, axis] * sine[axis]
+        line[r] = abs(line[r])
+        swing[r] = omega * math.hypot(c, s)
+        along[r] = line[r]
+        if swing[r] > 0.0:
+            along[r] += swing[r] * _peak_cosine(math.atan2(-c, s), turn)
+            bend[r] = omega * swing[r] * _peak_cosine(math.atan2(s, c), turn)
+        if along[r] > 0.0:
+            top = min(top, (limits.velocity[r] / along[r]) ** 2)
+        if bend[r] > 0.0:
+            top = min(top, ARC_SHARE * limits.acceleration[r] / bend[r])
+    ramp = math.inf
+    for r in range(count):
+        if along[r] > 0.0:
+            limit = limits.acceleration[r]
+            best = (limit - bend[r] * top) / along[r]  # both at their worst at once
+            full = omega * swing[r] * top
+            if full < limit:  # x'' and x' of a turning point are a quarter turn apart
+                free = limit * limit - full * full
+                root = (limit * line[r]) ** 2 + (swing[r] ** 2 - line[r] ** 2) * free
+                best = max(best, free / (limit * line[r] + math.sqrt(root)))
+            ramp = min(ramp, best)
+    return top, ramp
+
+
+@njit(cache=True, error_model="numpy")
+def _size_needed(e1: Floats, e2: Floats, top: float, limits: Limits) -> float:
+    """Return the size of a blend that takes all acceleration at the square of speed ``top``."""
+    size = 0.0
+    for r in range(limits.acceleration.size):
+        turn = 0.0
+        for axis in range(6):
+            turn += limits.rows[r, axis] * (e2[axis] - e1[axis])
+        size = max(size, abs(turn) * top / (2.0 * limits.acceleration[r]))
+    return size
+
+
+@njit(cache=True, error_model="numpy")
+def merged(s: Segments, limits: Limits) -> tuple[Ints, Floats]:
+    """Choose runs of short lines that would slow the machine down, to replace by their chords.
+
+    Only lines in X, Y, Z of one feed, and too short to stop in: longer ones have room to change
+    speed.
+
+    Returns
+    -------
+    last : (k,) int64
+        The last segment of each run; runs of single segments stay what they are.
+    tolerance : (k,) float64
+        What is left of the tolerance for the blend after each run.
+    """
+    n = s.length.size
+    last, used, left = np.empty(n, np.int64), np.zeros(n + 1), np.empty(n)
+    k, i = 0, 0
+    while i < n:
+        j = i
+        worst, tight = 0.0, False
+        while j + 1 < n and j - i < LONGEST_RUN and _mergeable(s, i, j):
+            far = _chord_distance(s, i, j + 1)
+            if far < 0.0 or far > MERGE_SHARE * s.tolerance[i]:
+                break
+            room = 0.5 * min(s.length[j], s.length[j + 1])
+            tight |= room < _size_needed(s.poly[j, 1], s.poly[j + 1, 1], s.top[j], limits)
+            worst = far
+            j += 1
+        if tight:
+            last[k], used[k] = j, worst
+            k += 1
+            i = j + 1
+        else:
+            for single in range(i, max(j, i + 1)):
+                last[k] = single
+                k += 1
+            i = max(j, i + 1)
+    for q in range(k):
+        left[q] = s.tolerance[last[q]]
+        if left[q] > 0.0:
+            left[q] -= max(used[q], used[q + 1])
+    return last[:k], left[:k]
+
+
+@njit(cache=True, error_model="numpy")
+def _mergeable(s: Segments, i: int, j: int) -> bool:
+    """Tell whether segment j + 1 may join a run from i to j."""
+    for k in (j, j + 1):
+        if s.omega[k] != 0.0 or 2.0 * s.ramp[k] * s.length[k] >= s.top[k]:
+            return False
+        for axis in range(3, 6):
+            if s.poly[k, 1, axis] != 0.0:
+                return False
+    alike = s.tolerance[j] == s.tolerance[i] and s.feed[j + 1] == s.feed[i]
+    return bool(alike and s.tolerance[j] > 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _chord_distance(s: Segments, first: int, last: int) -> float:
+    """Return how far corners lie from the chord of a run; -1 where the run turns back on it."""
+    p, q = s.poly[first, 0], s.poly[last]
+    x = q[0, 0] + q[1, 0] * s.length[last] - p[0]
+    y = q[0, 1] + q[1, 1] * s.length[last] - p[1]
+    z = q[0, 2] + q[1, 2] * s.length[last] - p[2]
+    size = math.sqrt(x * x + y * y + z * z)
+    worst = 0.0
+    for k in range(first, last + 1):
+        e = s.poly[k, 1]
+        if e[0] * x + e[1] * y + e[2] * z <= 0.0:
+            return -1.0
+        u, v, w = s.poly[k, 0, 0] - p[0], s.poly[k, 0, 1] - p[1], s.poly[k, 0, 2] - p[2]
+        worst = max(worst, (v * z - w * y) ** 2 + (w * x - u * z) ** 2 + (u * y - v * x) ** 2)
+    return math.sqrt(worst) / size
+
+
+@njit(cache=True, error_model="numpy")
+def _tangent(s: Segments, k: int, at: float, out: Floats) -> None:
+    """Put the derivative of segment ``k`` at ``at`` into ``out``."""
+    w = s.omega[k]
+    c, d = math.cos(w * at), math.sin(w * at)
+    for axis in range(6):
+        out[axis] = s.poly[k, 1, axis] + w * (s.sine[k, axis] * c - s.cosine[k, axis] * d)
+
+
+@njit(cache=True, error_model="numpy")
+def _chord(s: Segments, k: int, at: float, ds: float, out: Floats) -> None:
+    """Put ``x(at + ds) - x(at)`` on segment ``k`` into ``out``, without cancellation."""
+    w = s.omega[k]
+    half, middle = math.sin(0.5 * w * ds), w * (at + 0.5 * ds)
+    c, d = -2.0 * half * math.sin(middle), 2.0 * half * math.cos(middle)
+    for axis in range(6):
+        out[axis] = s.poly[k, 1, axis] * ds + s.cosine[k, axis] * c + s.sine[k, axis] * d
+
+
+@njit(cache=True, error_model="numpy")
+def _blend(s: Segments, k: int, d: float, out: Floats, work: Floats) -> None:
+    """Put the blend from ``d`` before to ``d`` after the end of segment ``k`` into ``out``.
+
+    The cubic with the segments' positions and derivatives at its ends; between lines, a parabola.
+    ``out`` is (4, 6), coefficients of s^0..s^3, relative to the corner.
+    """
+    q1, q2, e1, e2 = work[0], work[1], work[2], work[3]
+    _chord(s, k, s.length[k], -d, q1)
+    _chord(s, k + 1, 0.0, d, q2)
+    _tangent(s, k, s.length[k] - d, e1)
+    _tangent(s, k + 1, d, e2)
+    h = 2.0 * d
+    straight = s.omega[k] == 0.0 and s.omega[k + 1] == 0.0
+    for axis in range(6):
+        out[0, axis] = q1[axis]
+        out[1, axis] = e1[axis]
+        if straight:
+            out[2, axis] = (e2[axis] - e1[axis]) / (2.0 * h)
+            out[3, axis] = 0.0
+        else:
+            mean = (q2[axis] - q1[axis]) / h
+            out[2, axis] = (3.0 * mean - 2.0 * e1[axis] - e2[axis]) / h
+            out[3, axis] = (e1[axis] + e2[axis] - 2.0 * mean) / (h * h)
+
+
+@njit(cache=True, error_model="numpy")
+def _deviation(s: Segments, k: int, d: float, curve: Floats, work: Floats) -> float:
+    """Bound the distance between a blend and the corner it replaces.
+
+    Blend and path share position and derivative at the ends of the blend, so at equal s they are
+    apart by at most half the largest difference of their second derivatives times d^2.
+    """
+    _blend(s, k, d, curve, work)
+    apart = work[0]
+    worst = 0.0
+    for side in range(2):
+        q, w = k + side, s.omega[k + side]
+        at = d if side == 1 else s.length[k] - d
+        c, v = -w * w * math.cos(w * at), -w * w * math.sin(w * at)
+        turning = d * w**3 * _norm(s.cosine[q])  # the path's second derivative changes by less
+        for u in (d, 2.0 * d * side):
+            for axis in range(6):
+                apart[axis] = 2.0 * curve[2, axis] + 6.0 * curve[3, axis] * u
+                apart[axis] -= s.cosine[q, axis] * c + s.sine[q, axis] * v
+            worst = max(worst, 0.5 * d * d * (_norm(apart) + turning))
+    return worst
+
+
+@njit(cache=True, error_model="numpy")
+def blends(s: Segments, limits: Limits) -> tuple[Floats, Flags]:
+    """Choose the blends.
+
+    As large as the tolerance allows, but not larger than of use, so that lines remain to change
+    speed on.
+
+    Returns
+    -------
+    size : (s,) float64
+        Path coordinate that the blend at the end of each segment takes of it and of the next; 0
+        where there is none.
+    rest : (s,) bool
+        Whether the machine comes to rest at the end of the segment.
+    """
+    n = s.length.size
+    wanted, size, rest = np.zeros(n), np.zeros(n), np.zeros(n, np.bool_)
+    work, curve = np.empty((4, 6)), np.empty((4, 6))
+    e1, e2, turn = work[0], work[1], work[2]
+    for k in range(n):
+        wanted[k] = math.inf  # a rest, too, leaves half of the segment to others at most
+        rest[k] = k + 1 == n or s.tolerance[k] <= 0.0
+        if rest[k]:
+            continue
+        _tangent(s, k, s.length[k], e1)
+        _tangent(s, k + 1, 0.0, e2)
+        dot, square = 0.0, 0.0
+        for axis in range(6):
+            turn[axis] = e2[axis] - e1[axis]
+            dot += e1[axis] * e2[axis]
+        square = (_length(e1, 0) ** 2 + _length(e1, 3) ** 2) * (
+            _length(e2, 0) ** 2 + _length(e2, 3) ** 2
+        )
+        angle = _norm(turn)
+        rest[k] = dot <= REVERSAL * math.sqrt(square)
+        if angle <= TANGENT:
+            wanted[k] = 0.0
+        elif not rest[k]:
+            top = min(s.top[k], s.top[k + 1])
+            of_use = max(
+                _size_needed(e1, e2, top, limits) / BLEND_SHARE,
+                SHORT_BLEND * top / (2.0 * min(s.ramp[k], s.ramp[k + 1])),
+            )
+            wanted[k] = min(4.0 * s.tolerance[k] / angle, of_use)
+            widest = max(s.omega[k], s.omega[k + 1])
+            if widest > 0.0:
+                wanted[k] = min(wanted[k], WIDEST_ARC / widest)
+    for k in range(n - 1):
+        if rest[k] or wanted[k] == 0.0:
+            continue
+        before = wanted[k - 1] if k > 0 else math.inf
+        size[k] = min(
+            wanted[k],
+            max(0.5 * s.length[k], s.length[k] - before),
+            max(0.5 * s.length[k + 1], s.length[k + 1] - wanted[k + 1]),
+        )
+        if s.omega[k] > 0.0 or s.omega[k + 1] > 0.0:
+            far = _deviation(s, k, size[k], curve, work)
+            while far > s.tolerance[k]:  # it shrinks faster than in proportion
+                size[k] *= max(0.3, min(0.9, 0.95 * s.tolerance[k] / far))
+                far = _deviation(s, k, size[k], curve, work)
+    return size, rest
+
+
+@njit(cache=True, error_model="numpy")
+def elements(s: Segments, size: Floats, rest: Flags) -> Elements:
+    """Trim the segments by the ``size`` of the blends and put the blends between them."""
+    n = s.length.size
+    m = n
+    for k in range(n):
+        m += size[k] > 0.0
+    x = np.zeros((m, 4, 6))
+    cosine, sine = np.zeros((m, 6)), np.zeros((m, 6))
+    omega, length, dwell = np.zeros(m), np.empty(m), np.zeros(m)
+    top, ramp = np.empty(m), np.zeros(m)
+    move, still = np.empty(m, np.int32), np.zeros(m, np.bool_)
+    work = np.empty((4, 6))
+    e, trim = 0, 0.0
+    for k in range(n):
+        w = s.omega[k]
+        left = s.length[k] - trim - size[k]
+        if left > 1e-12 * s.length[k] or s.length[k] == 0.0:
+            c, d = math.cos(w * trim), math.sin(w * trim)
+            for axis in range(6):
+                x[e, 0, axis] = s.poly[k, 0, axis] + s.poly[k, 1, axis] * trim
+                x[e, 1, axis] = s.poly[k, 1, axis]
+                if w > 0.0:
+                    cosine[e, axis] = s.cosine[k, axis] * c + s.sine[k, axis] * d
+                    sine[e, axis] = s.sine[k, axis] * c - s.cosine[k, axis] * d
+            omega[e], length[e], dwell[e] = w, left, s.dwell[k]
+            top[e], ramp[e], move[e], still[e] = s.top[k], s.ramp[k], s.move[k], rest[k]
+            e += 1
+        trim = size[k]
+        if trim > 0.0:
+            _blend(s, k, trim, x[e], work)
+            c, d = math.cos(w * s.length[k]), math.sin(w * s.length[k])
+            for axis in range(6):
+                x[e, 0, axis] += s.poly[k, 0, axis] + s.poly[k, 1, axis] * s.length[k]
+                x[e, 0, axis] += s.cosine[k, axis] * c + s.sine[k, axis] * d
+            length[e], move[e] = 2.0 * trim, s.move[k]
+            top[e] = min(s.top[k], s.top[k + 1])
+            e += 1
+    return Elements(
+        x[:e],
+        cosine[:e],
+        sine[:e],
+        omega[:e],
+        length[:e],
+        move[:e],
+        dwell[:e],
+        top[:e],
+        ramp[:e],
+        still[:e],
+    )

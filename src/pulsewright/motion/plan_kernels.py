@@ -1,0 +1,193 @@
+"""Compiled speeds and time law of the planner.
+
+``b`` is the square of the path speed. Under constant path acceleration ``a`` it is linear in the
+path coordinate s, ``db/ds = 2 a``, and every limit is linear in ``b`` and ``a``::
+
+    |rows x'' b + rows x' a| <= acceleration
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pulsewright.motion.path import Elements, Floats, Limits
+
+
+@njit(cache=True, error_model="numpy")
+def _couple(
+    row: Floats, e: int, h: float, x: Floats, y: Floats, limit: Floats, acceleration: Floats
+) -> int:
+    """Fill in the limits ``|x b0 + y b1| <= limit`` on ``b`` at both ends of blend ``e``.
+
+    ``row`` is (m, 4, r), the geometry in limited combinations. The acceleration on the blend is a
+    polynomial in s of degree 1 for parabolas, 2 for cubics; within limits if its Bernstein
+    coefficients are.
+    """
+    n = 0
+    q = 0.5 / h
+    for r in range(acceleration.size):
+        e1, c0, jerk = row[e, 1, r], 2.0 * row[e, 2, r], 6.0 * row[e, 3, r]
+        c1, e2 = c0 + jerk * h, e1 + (c0 + 0.5 * jerk * h) * h
+        x[n], y[n], limit[n] = c0 - q * e1, q * e1, acceleration[r]
+        n += 1
+        if jerk != 0.0:
+            middle = e1 + 0.5 * c0 * h
+            x[n], y[n] = 0.5 * c1 - q * middle, 0.5 * c0 + q * middle
+            limit[n] = acceleration[r]
+            n += 1
+        x[n], y[n], limit[n] = -q * e2, c1 + q * e2, acceleration[r]
+        n += 1
+    return n
+
+
+@njit(cache=True, error_model="numpy")
+def _interval(
+    x: Floats, y: Floats, limit: Floats, n: int, fixed: float, cap: float
+) -> tuple[float, float, float]:
+    """Return the range of u in 0..cap with ``|x u + y fixed| <= limit``, and du/dfixed on top."""
+    low, high, slope = 0.0, cap, 0.0
+    for j in range(n):
+        if x[j] == 0.0:
+            continue
+        middle, reach = -y[j] * fixed / x[j], limit[j] / abs(x[j])
+        low = max(low, middle - reach)
+        if middle + reach < high:
+            high, slope = middle + reach, -y[j] / x[j]
+    return low, high, slope
+
+
+@njit(cache=True, error_model="numpy")
+def highest_entry(
+    x: Floats, y: Floats, limit: Floats, n: int, cap: float, exit_cap: float
+) -> float:
+    """Return the largest b0 in 0..cap for which some b1 in 0..exit_cap keeps all limits.
+
+    A linear program in two variables, solved one constraint after the other.
+    """
+    low, high, slope = _interval(x, y, limit, n, exit_cap, cap)
+    if low <= high and slope >= 0.0:
+        return high  # leaving as fast as possible allows the fastest entry: nearly always
+    u, v = cap, exit_cap
+    for j in range(n):
+        value = x[j] * u + y[j] * v
+        if abs(value) <= limit[j]:
+            continue
+        # The optimum lies on this constraint: point (pu, pv) + t (du, dv) with du >= 0.
+        square = x[j] * x[j] + y[j] * y[j]
+        target = math.copysign(limit[j], value)
+        pu, pv = x[j] * target / square, y[j] * target / square
+        du, dv = -y[j], x[j]
+        if du < 0.0 or (du == 0.0 and dv < 0.0):
+            du, dv = -du, -dv
+        first, last = -math.inf, math.inf
+        for i in range(-2, j):
+            if i < 0:  # 0 <= u <= cap and 0 <= v <= exit_cap
+                rate, centre, reach = du, pu - 0.5 * cap, 0.5 * cap
+                if i == -1:
+                    rate, centre, reach = dv, pv - 0.5 * exit_cap, 0.5 * exit_cap
+            else:
+                rate, centre, reach = x[i] * du + y[i] * dv, x[i] * pu + y[i] * pv, limit[i]
+            if abs(rate) > 1e-14 * math.sqrt(square):
+                first = max(first, (-centre - math.copysign(reach, rate)) / rate)
+                last = min(last, (-centre + math.copysign(reach, rate)) / rate)
+        u, v = pu + last * du, pv + last * dv
+    return min(max(u, 0.0), cap)
+
+
+@njit(cache=True, error_model="numpy")
+def speeds(path: Elements, row: Floats, limits: Limits) -> Floats:
+    """Return ``b`` at the start of each element, and at the end, shape (m + 1,).
+
+    Backwards: the fastest entry from which rest can still be reached within all limits; forwards:
+    as fast as the limits allow. On each element the possible pairs of ``b`` are convex and hold
+    rest, so the forward pass always finds one. ``row`` is (m, 4, r), the polynomials' limited
+    combinations.
+    """
+    m, count = path.length.size, limits.velocity.size
+    x, y, limit = np.empty(3 * count), np.empty(3 * count), np.empty(3 * count)
+    cap = np.zeros(m + 1)
+    before = 0.0
+    for e in range(m):
+        top, h = path.top[e], path.length[e]
+        if path.ramp[e] == 0.0 and h > 0.0:  # the derivative of a blend stays in its hull
+            for r in range(count):
+                e1, c0 = row[e, 1, r], 2.0 * row[e, 2, r]
+                e2 = e1 + (c0 + 3.0 * row[e, 3, r] * h) * h
+                fastest = max(abs(e1), abs(e2), abs(e1 + 0.5 * c0 * h))
+                if fastest > 0.0:
+                    top = min(top, (limits.velocity[r] / fastest) ** 2)
+        if e > 0 and not path.rest[e - 1]:
+            cap[e] = min(before, top)
+        before = top
+    b = np.zeros(m + 1)
+    for e in range(m - 1, -1, -1):
+        if cap[e] == 0.0:
+            continue
+        if path.ramp[e] > 0.0:
+            b[e] = min(cap[e], b[e + 1] + 2.0 * path.ramp[e] * path.length[e])
+        else:
+            n = _couple(row, e, path.length[e], x, y, limit, limits.acceleration)
+            b[e] = highest_entry(x, y, limit, n, cap[e], b[e + 1])
+    for e in range(m):
+        if path.ramp[e] > 0.0:
+            b[e + 1] = min(b[e + 1], b[e] + 2.0 * path.ramp[e] * path.length[e])
+        elif path.length[e] > 0.0:
+            n = _couple(row, e, path.length[e], x, y, limit, limits.acceleration)
+            _, high, _ = _interval(y, x, limit, n, b[e], b[e + 1])
+            b[e + 1] = max(high, 0.0)
+    return b
+
+
+@njit(cache=True, error_model="numpy")
+def law(path: Elements, b: Floats) -> tuple[NDArray[np.int32], Floats, Floats]:
+    """Return the pieces of the trajectory: element, start and law of each.
+
+    A blend is one piece. On a line or arc the machine speeds up, cruises and slows down.
+    """
+    m = path.length.size
+    element, start = np.empty(3 * m, np.int32), np.zeros(3 * m + 1)
+    piece = np.zeros((3 * m, 4))
+    span, first, last = np.empty(3), np.empty(3), np.empty(3)
+    k, time, lost = 0, 0.0, 0.0  # compensated sum: errors do not grow
+    for e in range(m):
+        size, ramp = path.length[e], path.ramp[e]
+        v0, v1 = math.sqrt(b[e]), math.sqrt(b[e + 1])
+        first[:], last[:] = v0, v1
+        span[0], span[1], span[2] = 0.0, size, 0.0
+        if ramp > 0.0:
+            peak = min(path.top[e], 0.5 * (b[e] + b[e + 1]) + ramp * size)
+            span[0] = max(peak - b[e], 0.0) / (2.0 * ramp)
+            span[2] = max(peak - b[e + 1], 0.0) / (2.0 * ramp)
+            tiny = 1e-12 * size
+            if span[2] <= tiny:
+                peak, span[2] = b[e + 1], 0.0
+                span[0] = min(span[0], size)
+            if span[0] <= tiny:
+                peak, span[0] = b[e], 0.0
+                span[2] = min(span[2], size)
+            span[1] = size - span[0] - span[2]
+            if span[1] <= tiny:
+                span[1] = 0.0
+            last[0] = first[1] = last[1] = first[2] = math.sqrt(peak)
+        s = 0.0
+        for i in range(3):
+            duration = path.dwell[e] if size == 0.0 and i == 1 else 0.0
+            if span[i] > 0.0:
+                duration = 2.0 * span[i] / (first[i] + last[i])
+                piece[k, 1] = first[i]
+                piece[k, 2] = 0.5 * (last[i] - first[i]) / duration
+            elif size > 0.0 or i != 1:
+                continue
+            element[k] = e
+            piece[k, 0] = size - span[2] if i == 2 else s
+            s += span[i]
+            step = duration - lost
+            lost = (time + step - time) - step
+            time += step
+            k += 1
+            start[k] = time
+    return element[:k], start[: k + 1], piece[:k]

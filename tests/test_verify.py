@@ -32,7 +32,7 @@ WIDTH, SETUP = 120, 400  # of the ideal pulses: 3 us and 10 us [cycle]
 def straight(*ends, start=(0, 0, 0), feed=V, tolerance=0.0, line=10):
     """Moves along lines; program lines count from ``line`` in tens."""
     end = np.zeros((len(ends), 6))
-    end[:, :3] = ends
+    end[:, :3] = np.reshape(ends, (-1, 3))
     begin = np.zeros(6)
     begin[:3] = start
     n = len(end)
@@ -213,7 +213,7 @@ def test_counts_and_summary_are_those_of_the_program():
 
 def test_the_result_does_not_depend_on_how_the_recording_is_cut():
     whole = verify(TRACE, PLAN, L)
-    rise = int(TRACE["step0"][500])
+    rise = int(TRACE["step0"][800])
     parts = verify(split(TRACE, 1, 5_000_001, rise, rise + 1, rise + WIDTH, 20_000_000), PLAN, L)
     assert parts.to_json() == whole.to_json()
     for name in ("time", "position", "speed", "acceleration", "deviation", "distance", "line"):
@@ -245,7 +245,7 @@ def test_a_lost_step_is_found_at_the_next_stop_and_at_the_end():
     assert stops.detail.startswith("1 lost: counted 799, planned 800.000; first of 3 wrong")
     assert verdict["end"].worst == 1
     assert verdict.motors[0].end == -1
-    assert [m.lost for m in verdict.motors] == [-1, 0, 0]  # on the way back: one too many
+    assert [m.lost for m in verdict.motors] == [1, 0, 0]  # on the first leg, not again later
 
 
 def test_the_last_step_missing_is_no_deviation_but_a_lost_step():
@@ -263,7 +263,8 @@ def test_a_step_too_many_at_standstill():
     verdict = verify(changed(TRACE, "step0", cycles), PLAN, L)
     assert {"stops", "end"} <= failed(verdict)
     assert verdict["stops"].detail.startswith("1 too many: counted 801, planned 800.000")
-    assert verdict["end"].detail.startswith("1 lost")  # -X is the way home: 1 step short of it
+    assert verdict["end"].detail.startswith("1 too many: counted 1, planned 0.000")
+    assert [m.lost for m in verdict.motors] == [-1, 0, 0]
 
 
 def test_an_extra_step_and_its_undoing_during_one_rest_are_seen():
@@ -371,9 +372,11 @@ def test_cutting_a_corner_needs_its_tolerance():
 
 
 def test_overspeed_is_found_per_axis():
-    fast = stop_and_go(L, speed=70.0)
-    verdict = verify(ideal(fast), fast, dataclasses.replace(L, feed=np.full(3, 70.0)))
-    # X reaches 63 mm/s in 8 mm, Y 55 in 6 mm, the diagonal 56 and 42
+    quick = dataclasses.replace(L, feed=np.full(3, 70.0))
+    fast = stop_and_go(quick, speed=70.0, rest=0.02)
+    verdict = verify(ideal(fast), fast, quick)
+    # X reaches sqrt(500 * 8) = 63 mm/s within 8 mm, Y 55, the diagonal 70 * (0.8, 0.6): with the
+    # blur of 7.3 mm/s only the first is surely too fast
     assert failed(verdict) == {"velocity:X"}
     check = verdict["velocity:X"]
     assert check.worst == pytest.approx(math.sqrt(500 * 8), rel=0.06)
@@ -416,7 +419,8 @@ def test_more_than_the_programmed_feed_is_found():
     assert check.line == 20
     quantum = math.hypot(0.011, 0.011, 0.0055)
     assert check.bound == pytest.approx(30 + 2 * quantum / 0.05)
-    assert check.worst == pytest.approx(50, abs=0.3)
+    # the leg's 20 ms at 50 mm/s with 15 ms of either ramp: (2.5 mm - 500 * 0.015^2 mm) / 50 ms
+    assert check.worst == pytest.approx(47.75, abs=0.2)
     rapid = dataclasses.replace(slow, rapid=np.array([False, True, False]))
     assert verify(TRACE, PLAN, rapid).passed
 
@@ -510,7 +514,7 @@ def test_a_gantry_counts_both_motors():
     assert verify(both, PLAN, L, **options).passed
     verdict = verify(drop(both, "step3", 400), PLAN, L, **options)
     assert verdict["end"].where == "step3"
-    assert [m.lost for m in verdict.motors] == [0, 0, 0, -1]
+    assert [m.lost for m in verdict.motors] == [0, 0, 0, 1]
 
 
 def test_rotary_axes_are_checked_in_degrees():
@@ -564,7 +568,7 @@ def test_pictures_get_a_bounded_number_of_points_that_keep_the_peaks():
     verdict = verify(split(TRACE, 3_000_001, 9_999_999), PLAN, L, tolerances=few)
     full = verify(TRACE, PLAN, L)
     assert 40 <= len(verdict.sample.time) <= 52
-    assert len(full.sample.time) == 851  # 0 .. 0.849 s and the end's 10 ms, by ms
+    assert len(full.sample.time) == 850  # 0 .. 0.849 s, by ms: the plan takes 0.84 s
     assert verdict.sample.deviation.max() == full.sample.deviation.max()
     assert verdict.sample.speed.max() == full.sample.speed.max()
     assert full.sample.speed.max() == pytest.approx(50, rel=0.04)

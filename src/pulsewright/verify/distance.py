@@ -58,7 +58,7 @@ class PathCheck:
         margin = reference.tolerances.settle
         span = np.stack([runs.start[into] - margin, runs.end[out] + margin], axis=1)
         self._span = reference.start + np.round(span * reference.clock).astype(np.int64)
-        self._due = runs.end[into]
+        self._due = runs.end[np.minimum(np.searchsorted(runs.move, index), len(runs.move) - 1)]
         self._needed = moves.tolerance + slack
         self._covered = np.full(len(moves), np.inf)
         self._worst = np.zeros(4)
@@ -120,12 +120,13 @@ class PathCheck:
         """
         moves = self._reference.moves
         bound = self.quantum + ROUNDING + bulge + self._needed
-        missed = int((self._covered > bound).sum())
+        covered = np.sqrt(self._covered)
+        missed = int((covered > bound).sum())
         worst: float | None = None
         allowed, place = self.quantum, dict[str, Any]()
         if len(moves):
-            i = int(np.argmax(self._covered / bound))
-            worst = float(self._covered[i]) if np.isfinite(self._covered[i]) else None
+            i = int(np.argmax(covered / bound))
+            worst = float(covered[i]) if np.isfinite(covered[i]) else None
             allowed = float(bound[i])
             x, y, z = self._end[i, :3].tolist()
             place = {

@@ -322,7 +322,7 @@ def compare_path(
     worst : (4,) float64
         Largest distance / allowed, that distance, what was allowed, its cycle; in place.
     covered : (n,) float64
-        Smallest distance at which each move's end was passed so far, in place.
+        Square of the distance at which each move's end was passed so far, in place.
     distance : (g,) float64
         Distance of each point from the path, filled.
     """

@@ -143,7 +143,7 @@ class Runs:
         Largest tolerance of the corners that the run touches [mm].
     rapid : (r,) bool
     feed : dict of (r,) float64
-        Highest feed in the run and at its end: ``XYZ`` [mm/s], ``ABC`` [degrees/s].
+        Highest feed of the moves it stands for: ``XYZ`` [mm/s], ``ABC`` [degrees/s].
     """
 
     def __init__(self, plan: Trajectory, moves: Moves) -> None:
@@ -161,21 +161,21 @@ class Runs:
                 f"plan and moves do not belong together: the plan visits moves "
                 f"{self.move.min()}..{self.move.max()} or goes back, there are {len(moves)}"
             )
-        before = np.append(self.move[:1], self.move[:-1])
-        after = np.append(self.move[1:], len(moves) - 1)
-        # from the corner at the start of this move to the last one that the plan skips after it
-        self.tolerance = largest(moves.tolerance, before, np.maximum(after, self.move + 1))
+        # An element's move is the last one that it stands for; so a run stands for all moves after
+        # that of the run before it, and touches the corners at both ends of each of them.
+        before, after = np.append(-1, self.move[:-1]), self.move + 1
+        self.tolerance = largest(moves.tolerance, np.maximum(before, 0), after)
         self.rapid = moves.rapid[self.move]
         delta = np.abs(moves.end - moves.starts())
         linear = (delta[:, :3] > 0).any(axis=1) | (moves.kind == MoveKind.ARC)
         rotary = (delta[:, 3:] > 0).any(axis=1)
         feed = np.where(moves.rapid, np.inf, moves.feed)
         # A feed is along X Y Z where one of them moves, and then says nothing of A B C.
+        linear_feed = np.where(linear, feed, 0.0)
+        rotary_feed = np.where(rotary, np.where(linear, np.inf, feed), 0.0)
         self.feed = {
-            "XYZ": largest(np.where(linear, feed, 0.0), self.move, after + 1),
-            "ABC": largest(
-                np.where(rotary, np.where(linear, np.inf, feed), 0.0), self.move, after + 1
-            ),
+            "XYZ": largest(linear_feed, before + 1, after),
+            "ABC": largest(rotary_feed, before + 1, after),
         }
 
     def at(self, time: Floats) -> Ints:

@@ -62,27 +62,39 @@ class StopCheck:
         wrong: Ints = (np.sign(off) * np.maximum(beyond, 0)).astype(np.int64)
         return wrong
 
-    def lost(self, motor: int, count: int, stop: int = -1) -> int:
-        """Return the steps lost (positive) or too many (negative) at a stop, by default the end.
+    def _held(self) -> Ints:
+        """Return per motor and window the count furthest from its target, (motors, w)."""
+        target = self._target
+        low, high = self.seen[:, :, 0], self.seen[:, :, 1]
+        worse = np.where(np.abs(low - target) > np.abs(high - target), low, high)
+        return np.where(low <= high, worse, np.round(target).astype(np.int64))
 
-        They are counted in the direction in which the motor came from the stop before.
+    def lost(self) -> Ints:
+        """Return per motor and window the steps lost (positive) or too many (negative) on the way.
+
+        They are counted in the direction from one standstill to the next. What is wrong already
+        at the standstill before is not counted again.
         """
-        target = self._target[motor]
-        wrong = int(self._wrong(np.array(count), target[stop]))
-        came = target[stop] - target[stop - 1] if stop else 0.0
-        return wrong if came < 0 else -wrong
+        wrong = np.where(self._exact, self._wrong(self._held(), self._target), 0)
+        result = np.zeros_like(wrong)
+        exact = np.flatnonzero(self._exact)
+        came = np.diff(self._target[:, exact], prepend=self._target[:, :1])
+        more = np.diff(wrong[:, exact], prepend=0)
+        result[:, exact] = np.where(came < -0.5, more, -more)
+        return result
 
     def checks(self) -> list[Check]:
         """Return the checks of standstills, of stops of an instant, and of the end."""
         reference, settle = self._reference, self._reference.tolerances.settle
         recorded = np.asarray((self.seen[:, :, 0] <= self.seen[:, :, 1]).all(axis=0))  # (w,)
-        target = self._target[:, :, None]
-        held = np.where(recorded[:, None], self.seen, np.round(target).astype(np.int64))
-        wrong: Ints = np.abs(self._wrong(held, target)).max(axis=2)  # (motors, w)
+        held = self._held()
+        wrong = np.abs(self._wrong(held, self._target))  # (motors, w)
         last = np.arange(len(recorded)) == len(recorded) - 1
         standing = self._exact & ~last & recorded
-        nearest = np.clip(np.round(target), held[:, :, :1], held[:, :, 1:])
-        approach = np.abs(nearest - target)[:, :, 0]
+        target = np.round(self._target)
+        passed = recorded & ~self._exact
+        nearest = np.where(passed, np.clip(target, self.seen[:, :, 0], self.seen[:, :, 1]), target)
+        approach = np.abs(nearest - self._target)
         rule = f"from {settle * 1e3:g} ms after coming to rest"
         stops = int((self._exact & ~last).sum()) - 1
         return [
@@ -94,7 +106,7 @@ class StopCheck:
                 standing,
                 f"{stops} standstills, {rule}, and the time before the program",
             ),
-            self._turn_check(approach, ~self._exact & recorded),
+            self._turn_check(approach, passed),
             self._exact_check(
                 "end",
                 "at the program's end",
@@ -103,8 +115,8 @@ class StopCheck:
                 last & recorded,
                 f"{rule}; final counts "
                 + ", ".join(
-                    f"{motor.step} {high}"
-                    for motor, high in zip(reference.motors, held[:, -1, 1].tolist(), strict=True)
+                    f"{motor.step} {count}"
+                    for motor, count in zip(reference.motors, held[:, -1].tolist(), strict=True)
                 )
                 if recorded[-1]
                 else "the recording stops before the end",
@@ -126,12 +138,9 @@ class StopCheck:
         if len(bad):
             stop = int(bad[0])
             motor = int(np.argmax(wrong[:, stop]))
-            target = self._target[motor, stop]
-            count = int(max(held[motor, stop].tolist(), key=lambda n: abs(n - target)))
-            lost = self.lost(motor, count, stop)
             detail = (
-                f"{f'{lost} lost' if lost > 0 else f'{-lost} too many'}: counted {count}, planned "
-                f"{target:.3f}; first of {len(bad)} wrong; " + detail
+                f"{self._words(motor, stop)}: counted {held[motor, stop]}, planned "
+                f"{self._target[motor, stop]:.3f}; first of {len(bad)} wrong; " + detail
             )
             place = reference.place(reference.cycle(self._time[stop]))
             place["where"] = reference.motors[motor].step
@@ -147,6 +156,10 @@ class StopCheck:
             detail=detail,
             **place,
         )
+
+    def _words(self, motor: int, stop: int) -> str:
+        lost = int(self.lost()[motor, : stop + 1].sum())
+        return f"{lost} lost" if lost > 0 else f"{-lost} too many"
 
     def _turn_check(self, approach: Floats, which: NDArray[np.bool_]) -> Check:
         reference, tolerances = self._reference, self._reference.tolerances

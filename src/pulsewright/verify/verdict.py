@@ -70,7 +70,8 @@ class MotorSummary:
     planned_end : float
         Position at the end of the plan, not rounded [step].
     lost : int
-        Steps missing (positive) or too many (negative) at the end of the program.
+        Steps lost (positive) or too many (negative) from standstill to standstill, in all, in the
+        direction of motion.
     deviation : float
         Largest following deviation, with its sign [step].
     """

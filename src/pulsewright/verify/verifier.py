@@ -240,6 +240,7 @@ class Verifier:
     def _summaries(self) -> tuple[MotorSummary, ...]:
         k, reference = self._kernels, self._reference
         planned = reference.steps.at(reference.plan.duration)[0]
+        lost = self._stops.lost().sum(axis=1)
         return tuple(
             MotorSummary(
                 name=motor.step,
@@ -249,7 +250,7 @@ class Verifier:
                 start=int(reference.start_counts[i]),
                 end=int(state[k.COUNT]),
                 planned_end=float(planned[i]),
-                lost=self._stops.lost(i, int(state[k.COUNT])),
+                lost=int(lost[i]),
                 deviation=float(self._worst[i, 0]),
             )
             for i, (motor, state) in enumerate(zip(reference.motors, self._state, strict=True))

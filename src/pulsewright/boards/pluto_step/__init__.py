@@ -1,1 +1,53 @@
-"""Pluto-P with four step generators behind a parallel port."""
+"""Pluto-P board as four-axis step generator behind a parallel port."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from pulsewright.boards.board import Board
+from pulsewright.boards.pluto_step.registers import DEFAULT_PROFILE, PROFILES
+
+if TYPE_CHECKING:
+    from pulsewright.boards.pluto_step.driver import PlutoStepDriver
+    from pulsewright.boards.pluto_step.player import PlutoStepPlayer
+    from pulsewright.boards.pluto_step.twin import PlutoStepTwin
+    from pulsewright.motion.trajectory import Trajectory
+    from pulsewright.registers.model import RegisterMap
+    from pulsewright.transport.bus import EppBus
+
+
+def _registers() -> RegisterMap:
+    from pulsewright.boards.pluto_step.registers import MAP
+
+    return MAP
+
+
+def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> PlutoStepTwin:
+    from pulsewright.boards.pluto_step.twin import PlutoStepTwin
+
+    return PlutoStepTwin(profile=profile, **options)
+
+
+def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> PlutoStepDriver:
+    from pulsewright.boards.pluto_step.driver import PlutoStepDriver
+
+    return PlutoStepDriver(bus, profile=profile, **switches)
+
+
+def _player(driver: PlutoStepDriver, trajectory: Trajectory, **limits: Any) -> PlutoStepPlayer:
+    from pulsewright.boards.pluto_step.player import PlutoStepPlayer
+
+    return PlutoStepPlayer(driver, trajectory, **limits)
+
+
+BOARD: Final = Board(
+    name="pluto_step",
+    title="Pluto-step, four-axis step generator",
+    document="LinuxCNC, The register layout of the pluto-servo (pluto-step firmware)",
+    profiles=tuple(PROFILES),
+    default_profile=DEFAULT_PROFILE,
+    registers=_registers,
+    twin=_twin,
+    driver=_driver,
+    player=_player,
+)

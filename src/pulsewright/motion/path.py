@@ -269,12 +269,24 @@ def merged(s: Segments, limits: Limits) -> tuple[Ints, Floats]:
     """
     n = s.length.size
     last, used, left = np.empty(n, np.int64), np.zeros(n + 1), np.empty(n)
+    short = np.empty(n, np.bool_)
+    for j in range(n):
+        short[j] = s.omega[j] == 0.0 and 2.0 * s.ramp[j] * s.length[j] < s.top[j]
+        for axis in range(3, 6):
+            short[j] &= s.poly[j, 1, axis] == 0.0
     k, i = 0, 0
     while i < n:
         j = i
         worst, tight = 0.0, False
-        while j + 1 < n and j - i < LONGEST_RUN and _mergeable(s, i, j):
-            far = _chord_distance(s, i, j + 1)
+        while (
+            j + 1 < n
+            and j - i < LONGEST_RUN
+            and short[j]
+            and short[j + 1]
+            and s.feed[j + 1] == s.feed[i]
+            and s.tolerance[j] == s.tolerance[i]
+        ):
+            far = _chord_distance(s.poly, s.length, i, j + 1)
             if far < 0.0 or far > MERGE_SHARE * s.tolerance[i]:
                 break
             room = 0.5 * min(s.length[j], s.length[j + 1])
@@ -298,32 +310,20 @@ def merged(s: Segments, limits: Limits) -> tuple[Ints, Floats]:
 
 
 @njit(cache=True, error_model="numpy")
-def _mergeable(s: Segments, i: int, j: int) -> bool:
-    """Tell whether segment j + 1 may join a run from i to j."""
-    for k in (j, j + 1):
-        if s.omega[k] != 0.0 or 2.0 * s.ramp[k] * s.length[k] >= s.top[k]:
-            return False
-        for axis in range(3, 6):
-            if s.poly[k, 1, axis] != 0.0:
-                return False
-    alike = s.tolerance[j] == s.tolerance[i] and s.feed[j + 1] == s.feed[i]
-    return bool(alike and s.tolerance[j] > 0.0)
-
-
-@njit(cache=True, error_model="numpy")
-def _chord_distance(s: Segments, first: int, last: int) -> float:
+def _chord_distance(poly: Floats, length: Floats, first: int, last: int) -> float:
     """Return how far corners lie from the chord of a run; -1 where the run turns back on it."""
-    p, q = s.poly[first, 0], s.poly[last]
-    x = q[0, 0] + q[1, 0] * s.length[last] - p[0]
-    y = q[0, 1] + q[1, 1] * s.length[last] - p[1]
-    z = q[0, 2] + q[1, 2] * s.length[last] - p[2]
+    end = length[last]
+    x = poly[last, 0, 0] + poly[last, 1, 0] * end - poly[first, 0, 0]
+    y = poly[last, 0, 1] + poly[last, 1, 1] * end - poly[first, 0, 1]
+    z = poly[last, 0, 2] + poly[last, 1, 2] * end - poly[first, 0, 2]
     size = math.sqrt(x * x + y * y + z * z)
     worst = 0.0
     for k in range(first, last + 1):
-        e = s.poly[k, 1]
-        if e[0] * x + e[1] * y + e[2] * z <= 0.0:
+        if poly[k, 1, 0] * x + poly[k, 1, 1] * y + poly[k, 1, 2] * z <= 0.0:
             return -1.0
-        u, v, w = s.poly[k, 0, 0] - p[0], s.poly[k, 0, 1] - p[1], s.poly[k, 0, 2] - p[2]
+        u = poly[k, 0, 0] - poly[first, 0, 0]
+        v = poly[k, 0, 1] - poly[first, 0, 1]
+        w = poly[k, 0, 2] - poly[first, 0, 2]
         worst = max(worst, (v * z - w * y) ** 2 + (w * x - u * z) ** 2 + (u * y - v * x) ** 2)
     return math.sqrt(worst) / size
 

@@ -47,8 +47,7 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     rows, velocity, acceleration = machine.limit_rows()
     limits = path.Limits(rows, velocity * (1 - MARGIN), acceleration * (1 - MARGIN))
     elements = path.elements(*_blended(moves, limits))
-    row = np.ascontiguousarray(elements.poly @ rows.T)
-    element, start, law = plan_kernels.law(elements, plan_kernels.speeds(elements, row, limits))
+    element, start, law = plan_kernels.law(elements, plan_kernels.speeds(elements, limits))
     return Trajectory(*elements[:6], element, start, law)
 
 

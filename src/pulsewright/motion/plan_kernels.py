@@ -18,28 +18,40 @@ from pulsewright.motion.path import Elements, Floats, Limits
 
 
 @njit(cache=True, error_model="numpy")
+def _hull(
+    poly: Floats, rows: Floats, e: int, r: int, h: float
+) -> tuple[float, float, float, float]:
+    """Return, along row ``r`` of blend ``e``, x' at both ends, and the next two derivatives."""
+    first, second, third = 0.0, 0.0, 0.0
+    for axis in range(6):
+        first += rows[r, axis] * poly[e, 1, axis]
+        second += rows[r, axis] * poly[e, 2, axis]
+        third += rows[r, axis] * poly[e, 3, axis]
+    return first, first + (2.0 * second + 3.0 * third * h) * h, 2.0 * second, 6.0 * third
+
+
+@njit(cache=True, error_model="numpy")
 def _couple(
-    row: Floats, e: int, h: float, x: Floats, y: Floats, limit: Floats, acceleration: Floats
+    poly: Floats, e: int, h: float, limits: Limits, x: Floats, y: Floats, limit: Floats
 ) -> int:
     """Fill in the limits ``|x b0 + y b1| <= limit`` on ``b`` at both ends of blend ``e``.
 
-    ``row`` is (m, 4, r), the geometry in limited combinations. The acceleration on the blend is a
-    polynomial in s of degree 1 for parabolas, 2 for cubics; within limits if its Bernstein
-    coefficients are.
+    The acceleration on the blend is a polynomial in s of degree 1 for parabolas, 2 for cubics;
+    within limits if its Bernstein coefficients are.
     """
     n = 0
-    q = 0.5 / h
-    for r in range(acceleration.size):
-        e1, c0, jerk = row[e, 1, r], 2.0 * row[e, 2, r], 6.0 * row[e, 3, r]
-        c1, e2 = c0 + jerk * h, e1 + (c0 + 0.5 * jerk * h) * h
-        x[n], y[n], limit[n] = c0 - q * e1, q * e1, acceleration[r]
+    q = 0.5 / h  # a = (b1 - b0) q
+    for r in range(limits.acceleration.size):
+        e1, e2, c0, jerk = _hull(poly, limits.rows, e, r, h)
+        c1 = c0 + jerk * h
+        x[n], y[n], limit[n] = c0 - q * e1, q * e1, limits.acceleration[r]
         n += 1
         if jerk != 0.0:
             middle = e1 + 0.5 * c0 * h
             x[n], y[n] = 0.5 * c1 - q * middle, 0.5 * c0 + q * middle
-            limit[n] = acceleration[r]
+            limit[n] = limits.acceleration[r]
             n += 1
-        x[n], y[n], limit[n] = -q * e2, c1 + q * e2, acceleration[r]
+        x[n], y[n], limit[n] = -q * e2, c1 + q * e2, limits.acceleration[r]
         n += 1
     return n
 
@@ -99,13 +111,12 @@ def highest_entry(
 
 
 @njit(cache=True, error_model="numpy")
-def speeds(path: Elements, row: Floats, limits: Limits) -> Floats:
+def speeds(path: Elements, limits: Limits) -> Floats:
     """Return ``b`` at the start of each element, and at the end, shape (m + 1,).
 
     Backwards: the fastest entry from which rest can still be reached within all limits; forwards:
     as fast as the limits allow. On each element the possible pairs of ``b`` are convex and hold
-    rest, so the forward pass always finds one. ``row`` is (m, 4, r), the polynomials' limited
-    combinations.
+    rest, so the forward pass always finds one.
     """
     m, count = path.length.size, limits.velocity.size
     x, y, limit = np.empty(3 * count), np.empty(3 * count), np.empty(3 * count)
@@ -115,8 +126,7 @@ def speeds(path: Elements, row: Floats, limits: Limits) -> Floats:
         top, h = path.top[e], path.length[e]
         if path.ramp[e] == 0.0 and h > 0.0:  # the derivative of a blend stays in its hull
             for r in range(count):
-                e1, c0 = row[e, 1, r], 2.0 * row[e, 2, r]
-                e2 = e1 + (c0 + 3.0 * row[e, 3, r] * h) * h
+                e1, e2, c0, _ = _hull(path.poly, limits.rows, e, r, h)
                 fastest = max(abs(e1), abs(e2), abs(e1 + 0.5 * c0 * h))
                 if fastest > 0.0:
                     top = min(top, (limits.velocity[r] / fastest) ** 2)
@@ -130,13 +140,13 @@ def speeds(path: Elements, row: Floats, limits: Limits) -> Floats:
         if path.ramp[e] > 0.0:
             b[e] = min(cap[e], b[e + 1] + 2.0 * path.ramp[e] * path.length[e])
         else:
-            n = _couple(row, e, path.length[e], x, y, limit, limits.acceleration)
+            n = _couple(path.poly, e, path.length[e], limits, x, y, limit)
             b[e] = highest_entry(x, y, limit, n, cap[e], b[e + 1])
     for e in range(m):
         if path.ramp[e] > 0.0:
             b[e + 1] = min(b[e + 1], b[e] + 2.0 * path.ramp[e] * path.length[e])
         elif path.length[e] > 0.0:
-            n = _couple(row, e, path.length[e], x, y, limit, limits.acceleration)
+            n = _couple(path.poly, e, path.length[e], limits, x, y, limit)
             _, high, _ = _interval(y, x, limit, n, b[e], b[e + 1])
             b[e + 1] = max(high, 0.0)
     return b

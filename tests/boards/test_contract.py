@@ -1,5 +1,7 @@
 """What every room owes to the floors above it."""
 
+import doctest
+import importlib
 import json
 import re
 import subprocess
@@ -115,6 +117,14 @@ def test_examples_of_the_readme_run_and_print_what_they_say(room, capsys):
         assert said
         for line, comment in zip(printed, said, strict=True):
             assert comment == line or comment.startswith(line + ":")
+
+
+@each_board
+def test_examples_of_the_docstrings_hold(room):
+    assert doctest.testmod(boards).attempted
+    driver = doctest.testmod(importlib.import_module(f"pulsewright.boards.{room.name}.driver"))
+    assert driver.attempted
+    assert not driver.failed + doctest.testmod(boards).failed
 
 
 @each_profile

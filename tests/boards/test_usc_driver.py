@@ -69,7 +69,8 @@ class RecordingBus(EppBus):
                     driven = cell.pop(0) if isinstance(cell, list) else cell
                 access["value"] = driven
             if op != ADDRESS_WRITE:
-                access["timeout"] = not selected
+                if not selected:
+                    access["timeout"] = 1
                 address = address & 0xE0 | (address + 1) & 0x1F
             access["cycle"] = self.time
             self.log.append((self.time, op, address, driven))
@@ -255,6 +256,13 @@ def test_the_highest_rate_follows_the_pulse_width(bus, profile, width, rate):
         driver.set_step_rate(0, rate * 1.0001)
 
 
+def test_the_smallest_divisor_is_1_whatever_the_pulse_width(bus):
+    """Period = divisor + 4 ticks at least 5, although pulse and space would fit in 2."""
+    driver = UscDriver(bus, profile="document", div_offset=4)
+    driver.set_pulse_width(0.1e-6)
+    assert driver.max_step_rate() == 2_000_000
+
+
 def test_a_pulse_width_too_long_for_a_running_axis_is_refused(bus):
     driver = UscDriver(bus)
     driver.set_step_rate(2, 500_000)  # 20 ticks
@@ -432,6 +440,7 @@ def test_the_timer_keeps_running_while_counts_are_read_twice(bus):
         (10_000, 0x11, 10_000),
         (10_000 / 15, 0x1F, 10_000 / 15),
         (3_000, 0x13, 1e4 / 3),
+        (3_700, 0x13, 1e4 / 3),
     ],
 )
 def test_timer_rates(bus, rate, code, real):
@@ -504,7 +513,7 @@ def test_index_reset_needs_version_2(bus):
 def test_after_an_index_reset_the_position_counts_from_the_index(bus):
     bus.memory |= {0x0F: 0x42, 0x0C: [0, 0, 0x04]} | counts(0, 0, 5000, 0)
     driver = UscDriver(bus)
-    driver.read_encoders()
+    driver.load_position(2, 2**30 + 5000)
     bus.clear()
     driver.arm_index(2, reset=True)
     assert bus.writes == [(0x0D, b"\x04")]
@@ -524,6 +533,16 @@ def test_disarm_clears_both_ways_of_waiting(bus):
     bus.clear()
     driver.disarm_index(0)
     assert bus.writes == [(0x0C, b"\x02"), (0x0D, b"\0")]
+
+
+def test_a_disarmed_index_is_no_longer_seen(bus):
+    bus.memory[0x0C] = [0, 0x01, 0, 0]
+    driver = UscDriver(bus)
+    driver.arm_index(0)
+    assert driver.index_seen()[0]
+    driver.disarm_index(0)
+    driver.arm_index(1)
+    assert driver.index_seen() == (False,) * 4
 
 
 # ----------------------------------------------------------------------------------- in and out
@@ -558,8 +577,13 @@ def test_dac_rounds_down_as_the_client_does(bus, volts, code):
     real = driver.set_dac(volts)
     assert bus.writes == [(0x0F, bytes([code]))]
     assert real == pytest.approx(code * 10 / 255)
-    driver.set_dac(real)  # what the board does can be asked for again
-    assert bus.writes[1] == bus.writes[0]
+
+
+def test_every_voltage_that_the_dac_makes_can_be_asked_for_again(bus):
+    driver = UscDriver(bus)
+    for code in range(256):
+        driver.set_dac(code * 10 / 255)
+    assert [data[0] for _, data in bus.writes] == list(range(256))
 
 
 @pytest.mark.parametrize("volts", [-0.1, 10.1, float("nan")])

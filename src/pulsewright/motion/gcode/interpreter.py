@@ -421,7 +421,7 @@ class Interpreter:
     def _change_modes(self, block: Block, groups: Mapping[Group, int]) -> None:
         recorder, line = self.recorder, self._line
         if Group.TOOL_CHANGE in groups:
-            self._tool_length_of(self._next_tool, block, "TM")  # the tool must be known
+            self._tool_length_of(self._next_tool, block, "T", ("M", 6))  # it must be known
             if self._spindle:
                 self._spindle = 0
                 self._report_spindle()
@@ -447,7 +447,7 @@ class Interpreter:
             self._tool_length = 0.0
             if groups[Group.TOOL_LENGTH] == 430:
                 number = self._whole(block, "H") if "H" in block.words else self._tool
-                self._tool_length = self._tool_length_of(number, block, "HG")
+                self._tool_length = self._tool_length_of(number, block, "H", ("G", 430))
             self._use_offsets()
         if Group.COORDINATES in groups:
             system = 1 + _SYSTEM_CODES.index(groups[Group.COORDINATES])
@@ -460,13 +460,17 @@ class Interpreter:
         if Group.CENTER_DISTANCE in groups:
             self._absolute_centers = groups[Group.CENTER_DISTANCE] == 901
 
-    def _tool_length_of(self, number: int, block: Block, letters: str) -> float:
+    def _tool_length_of(
+        self, number: int, block: Block, letter: str, code: tuple[str, int]
+    ) -> float:
+        """Return the length of a tool that ``letter`` names, or else an earlier line."""
         tools = self.settings.tools
         if tools is None or (number == 0 and number not in tools):
             return 0.0
         if number not in tools:
             known = ", ".join(map(str, sorted(tools)))
-            raise block.fault(f"tool {number} is not in the tool table, which has {known}", letters)
+            place = (letter,) if letter in block.words else code
+            raise block.fault(f"tool {number} is not in the tool table, which has {known}", *place)
         return float(tools[number])
 
     def _use_path_control(self, code: int, block: Block) -> None:

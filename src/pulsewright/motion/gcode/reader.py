@@ -19,7 +19,7 @@ from pulsewright.motion.gcode.codes import G_GROUPS
 
 LAST_PARAMETER: Final = 5602
 EQUAL: Final = 1e-4  # EQ and NE, and how far an "integer" may be off
-MAX_NESTING: Final = 50  # brackets within brackets; far from Python's own recursion limit
+MAX_NESTING: Final = 50  # values within values; far from Python's own recursion limit
 
 # Letters with a value; G, M, N and O are read on their own.
 VALUE_LETTERS: Final = frozenset("ABCDEFHIJKLPQRSTUVWXYZ")
@@ -37,7 +37,7 @@ _NAME: Final = re.compile(r"[A-Z]+")
 _OPERATOR: Final = re.compile(r"\*\*|[*/+-]|MOD|EQ|NE|GT|GE|LT|LE|AND|OR|XOR")
 _COMMENT: Final = re.compile(r"\([^()]*\)|;.*")
 _MESSAGE: Final = re.compile(r"\(\s*(msg|debug|print),([^()]*)\)", re.IGNORECASE)
-_MESSAGE_VALUE: Final = re.compile(r"#(?:<([^>]*)>|([0-9]+))")
+_MESSAGE_PART: Final = re.compile(r"#<([^>]*)>|#([0-9]{1,9})|%(?:d|(?:\.([0-9]))?f)")
 _GAP: Final = ";"  # stands for a comment, so that words do not grow together across it
 
 # How G codes of the dialect are commonly written, to ten times their number: "1", "01", "61.1".
@@ -77,12 +77,12 @@ class Parameters:
         self._position = position
 
     def get(self, key: int | str) -> float | None:
-        """Return a value, None for a name that was never set."""
+        """Return a value; None for a name that was never set or a number that does not exist."""
         if isinstance(key, str):
             return self.named.get(key)
         if self.FIRST_POSITION <= key < self.FIRST_POSITION + 6:
             return self._position(key - self.FIRST_POSITION)
-        return self.numbered[key]
+        return self.numbered[key] if 1 <= key <= LAST_PARAMETER else None
 
     def set(self, key: int | str, value: float) -> None:
         """Set a value; ``key`` is what `_Reader` let pass."""
@@ -92,18 +92,24 @@ class Parameters:
             self.numbered[key] = value
 
     def fill_in(self, text: str) -> str:
-        """Return the text of a message with its ``#1`` and ``#<name>`` replaced by values."""
+        """Return the text of a message with values for ``#1`` and ``#<name>``.
 
-        def value_of(match: re.Match[str]) -> str:
-            name, number = match.groups()
-            value = None
-            if number is None:
-                value = self.get("".join(name.split()).upper())
-            elif 1 <= int(number) <= LAST_PARAMETER:
-                value = self.get(int(number))
-            return "######" if value is None else f"{value:.6f}"
+        ``%d``, ``%f`` (4 decimals) and ``%.2f`` set the decimals of what follows; else there are 6.
+        A parameter that is not set shows as ``######``. Several spaces become one.
+        """
+        decimals = 6
 
-        return _MESSAGE_VALUE.sub(value_of, text)
+        def replace(match: re.Match[str]) -> str:
+            nonlocal decimals
+            name, number, digits = match.groups()
+            if name is None and number is None:
+                decimals = 0 if match[0] == "%d" else int(digits or 4)
+                return ""
+            key = int(number) if name is None else "".join(name.split()).upper()
+            value = self.get(key)
+            return "######" if value is None else f"{value:.{decimals}f}"
+
+        return " ".join(_MESSAGE_PART.sub(replace, text).split())
 
 
 class _Word(NamedTuple):
@@ -176,7 +182,7 @@ def read_block(text: str, parameters: Parameters, *, skip_deleted: bool = False)
     if squeezed[:1] == "N":
         number = _LINE_NUMBER.match(squeezed)
         squeezed = squeezed[number.end() :] if number else squeezed
-    if squeezed in ("", _GAP):
+    if not squeezed.strip(_GAP):
         return None
     block = Block(text, parameters)
     words, g = block.words, block.g
@@ -348,6 +354,14 @@ class _Reader:
 
     def _value(self) -> float:
         """Read a number, parameter, expression or function, perhaps with a sign."""
+        self.nesting += 1
+        if self.nesting > MAX_NESTING:
+            self.fail(f"brackets, signs or # are nested deeper than {MAX_NESTING}", self.at - 1)
+        value = self._operand()
+        self.nesting -= 1
+        return value
+
+    def _operand(self) -> float:
         start = self.at
         c = self.line[start : start + 1]
         if c in ("+", "-"):
@@ -381,15 +395,11 @@ class _Reader:
         start = self.at
         if self.line[start : start + 1] != "[":
             self.fail("[ is missing", max(start - 1, 0), start)
-        self.nesting += 1
-        if self.nesting > MAX_NESTING:
-            self.fail(f"brackets are nested deeper than {MAX_NESTING}", start)
         self.at += 1
         value = self._operation(0)
         if self.line[self.at : self.at + 1] != "]":
             self.fail("an operator or ] is missing", start)
         self.at += 1
-        self.nesting -= 1
         return value
 
     def _operation(self, floor: int) -> float:
@@ -427,7 +437,7 @@ class _Reader:
             if self.line[self.at : self.at + 2] != "[#":
                 self.fail("EXISTS needs a parameter: EXISTS[#<name>]", start)
             self.at += 2
-            known = self.parameters.get(self._key()) is not None
+            known = self.parameters.get(self._key(must_exist=False)) is not None
             if self.line[self.at : self.at + 1] != "]":
                 self.fail("] is missing", start)
             self.at += 1
@@ -439,7 +449,7 @@ class _Reader:
             self.fail(f"unknown function; there are {functions}", start)
         return self._apply(_FUNCTIONS[name], start, self._expression())
 
-    def _key(self) -> int | str:
+    def _key(self, *, must_exist: bool = True) -> int | str:
         """Read what follows #: a name or an index."""
         start = self.at - 1
         if self.line[self.at : self.at + 1] == "<":
@@ -453,7 +463,7 @@ class _Reader:
         index = round(value)
         if abs(value - index) > EQUAL:
             self.fail(f"a parameter has a whole number, not {value:g}", start)
-        if not 1 <= index <= LAST_PARAMETER:
+        if must_exist and not 1 <= index <= LAST_PARAMETER:
             self.fail(f"parameter #{index} does not exist; they are 1 to {LAST_PARAMETER}", start)
         return index
 

@@ -1,0 +1,229 @@
+"""Every refusal names the line, the column and the words."""
+
+from __future__ import annotations
+
+import pytest
+
+from pulsewright.errors import GcodeError, UsageError
+from pulsewright.motion.gcode import InterpreterSettings, interpret, interpret_text
+
+FEED = "F100\n"
+
+# program, line, column, offending text, part of the message
+CASES = [
+    # words and values
+    ("G0 X1 Y", 1, 7, "Y", "a number is missing after Y"),
+    ("G0 XY2", 1, 4, "X", "a number is missing after X"),
+    ("G0 X1.2.3", 1, 5, "1.2.3", "not a number"),
+    ("G0 X.", 1, 5, ".", "not a number"),
+    ("G0 X1e3", 1, 6, "e3", "exponents"),
+    ("G0 X" + "9" * 400, 1, 5, "9" * 57 + "...", "too large"),
+    ("G0 X1 X2", 1, 7, "X2", "a second X word"),
+    ("G0 ?1", 1, 4, "?", "unexpected character '?'"),
+    ("G0 X1 /", 1, 7, "/", "unexpected character"),
+    ("G0 N5 X1", 1, 4, "N", "at the beginning"),
+    ("G0 X1 (open", 1, 7, "(", "not closed"),
+    ("G0 X1 (a (b)", 1, 7, "(", "holds another"),
+    ("G0 X1 )", 1, 7, ")", "no comment begins"),
+    ("G0 X٣", 1, 4, "X", "a number is missing"),
+    # expressions and parameters
+    ("G0 X[1+", 1, 7, "+", "a number is missing after +"),
+    ("G0 X[1+2", 1, 5, "[1+2", "] is missing"),
+    ("G0 X[2 [3]]", 1, 5, "[2", "an operator or ] is missing"),
+    ("G0 X[1/0]", 1, 7, "/0", "division by zero"),
+    ("G0 X[5 MOD 0]", 1, 8, "MOD 0", "no result"),
+    ("G0 X sqrt[-1]", 1, 6, "sqrt[-1]", "no result for -1"),
+    ("G0 X[[0-8]**[1/3]]", 1, 11, "**[1/3]", "no result"),
+    ("G0 Xfoo[2]", 1, 5, "foo", "unknown function"),
+    ("G0 Xatan[1]", 1, 5, "atan[1]", "ATAN[y]/[x]"),
+    ("G0 Xexp[1000]", 1, 5, "exp[1000]", "no result"),
+    ("G0 X" + "[" * 60, 1, 54, "[", "nested deeper"),
+    ("G0 X#<depth>", 1, 5, "#<depth>", "#<depth> has not been set"),
+    ("G0 X#<_feed>", 1, 5, "#<_feed>", "not supported yet"),
+    ("G0 X#6000", 1, 5, "#6000", "1 to 5602"),
+    ("G0 X#0", 1, 5, "#0", "1 to 5602"),
+    ("G0 X#1.5", 1, 5, "#1.5", "whole number"),
+    ("#1 5", 1, 1, "#1 5", "= is missing"),
+    ("#5420=1", 1, 1, "#5420=", "cannot be set"),
+    ("#<a=1", 1, 1, "#<a=1", "> is missing"),
+    # codes
+    ("G5.5", 1, 1, "G5.5", "unknown code G5.5"),
+    ("G1.55 X1", 1, 1, "G1.55", "one decimal"),
+    ("M77", 1, 1, "M77", "unknown code M77"),
+    ("M1.5", 1, 1, "M1.5", "whole number"),
+    ("G-1", 1, 1, "G-1", "unknown code"),
+    ("O100 sub", 1, 1, "O100 sub", "subroutines, loops, conditions) is not supported yet"),
+    ("N1 o<x> call", 1, 4, "o<x> call", "not supported yet"),
+    ("G41 D1", 1, 1, "G41", "cutter compensation) is not supported yet"),
+    ("G0 X1\nG42", 2, 1, "G42", "not supported yet"),
+    ("G81 X1 Z1 R1", 1, 1, "G81", "canned cycles"),
+    ("G7", 1, 1, "G7", "lathe"),
+    ("G8", 1, 1, "G8", "lathe"),
+    ("G33 K1", 1, 1, "G33", "not supported yet"),
+    ("M66 P1", 1, 1, "M66", "not supported yet"),
+    ("G1 @5", 1, 4, "@5", "polar"),
+    ("G0 G1 X1", 1, 4, "G1", "G0 and G1 exclude each other"),
+    ("G17\nG90 X0 G91", 2, 8, "G91", "one of G90 G91"),
+    ("M3 M5", 1, 4, "M5", "one of M3 M4 M5"),
+    ("M0 M2", 1, 4, "M2", "exclude each other"),
+    ("G53 G4 P1", 1, 5, "G4", "exclude each other"),
+    ("G28 X1 G0", 1, 8, "G0", "would both use the axis words"),
+    ("G92 X1 G1", 1, 8, "G1", "would both use the axis words"),
+    # letters without a code that uses them
+    ("P1", 1, 1, "P1", "G2, G3, G4, G10, G64"),
+    ("G0 X1 R3", 1, 7, "R3", "nothing in this line uses the R word"),
+    ("G1 F1 X1 I2", 1, 10, "I2", "G2, G3"),
+    ("G61 Q1", 1, 5, "Q1", "G64"),
+    ("G49 H1", 1, 5, "H1", "G43"),
+    ("L2", 1, 1, "L2", "G10"),
+    ("D1", 1, 1, "D1", "cutter compensation"),
+    # axes and motion
+    ("X1", 1, 1, "X1", "without a motion mode"),
+    ("G0 X1\nG80\n Y2", 3, 2, "Y2", "without a motion mode"),
+    ("G80 X1", 1, 5, "X1", "without a motion mode"),
+    ("G4 P1 X3", 1, 7, "X3", "without a motion mode"),
+    ("G0 X1\nG0 A5", 2, 4, "A5", "it has X Y Z"),
+    ("G0 U5", 1, 4, "U5", "it has X Y Z"),
+    ("G1 X1", 1, 1, "G1", "the feed is 0"),
+    ("G17 G1 X1", 1, 5, "G1", "the feed is 0"),
+    ("F0 G1 X1", 1, 1, "F0", "the feed is 0"),
+    (FEED + "G93\nG94\nG1 X1", 4, 1, "G1", "the feed is 0"),
+    ("G93 G1 X1", 1, 5, "G1", "G93 needs F"),
+    ("G93 G1 X1 F2\nX2", 2, 1, "X2", "G93 needs F"),
+    ("F-1", 1, 1, "F-1", "negative"),
+    ("S-1", 1, 1, "S-1", "negative"),
+    ("G0 X[10**12]", 1, 4, "X[10**12]", "more than 1e+09 mm"),
+    ("G53 G2 X1 I0.5 F1", 1, 1, "G53", "G0 and G1 only"),
+    ("G91 G53 G0 X1", 1, 5, "G53", "use G90"),
+    # arcs
+    (FEED + "G2 X10", 2, 1, "G2", "I and J or R is missing"),
+    (FEED + "G3 X10 K5", 2, 8, "K5", "plane of G17 the centre is given by I and J"),
+    (FEED + "G18 G3 X10 J5", 2, 12, "J5", "given by K and I"),
+    (FEED + "G19 G3 Y10 I5", 2, 12, "I5", "given by J and K"),
+    (FEED + "G3 X10 R5 I5", 2, 8, "R5", "not both"),
+    (FEED + "G2 R5", 2, 4, "R5", "full circle"),
+    (FEED + "G2 X0 Y0 R5", 2, 10, "R5", "full circle"),
+    (FEED + "G2 X10 R4.99", 2, 8, "R4.99", "must be 5 or more"),
+    (FEED + "G2 X10 R0", 2, 8, "R0", "does not reach"),
+    (FEED + "G2 I0 J0", 2, 4, "I0", "radius of the arc is 0"),
+    (FEED + "G3 X10 I4", 2, 8, "I4", "is 4 at its start and 6 at its end"),
+    (FEED + "G90.1 G2 X10 I5", 2, 7, "G2", "J or R is missing"),
+    (FEED + "G3 X10 I5 P0", 2, 11, "P0", "1 or more"),
+    (FEED + "G3 X10 I5 P1.5", 2, 11, "P1.5", "whole number"),
+    ("G2 X10 I5", 1, 1, "G2", "the feed is 0"),
+    # settings
+    ("G4", 1, 1, "G4", "needs its time"),
+    ("G4 P-1", 1, 4, "P-1", "0 seconds or more"),
+    ("T1.5", 1, 1, "T1.5", "whole number"),
+    ("T-1", 1, 1, "T-1", "0 or more"),
+    ("G43 H-1", 1, 5, "H-1", "0 or more"),
+    ("G64 P-.1", 1, 5, "P-.1", "negative"),
+    ("G64 P.1 Q-1", 1, 9, "Q-1", "negative"),
+    ("G92", 1, 1, "G92", "needs an axis word"),
+    ("G10 L1 P1 Z3", 1, 5, "L1", "G10 L2 and G10 L20"),
+    ("G10 P1 X3", 1, 1, "G10", "G10 L2 and G10 L20"),
+    ("G10 L2 X1", 1, 1, "G10", "needs its coordinate system"),
+    ("G10 L2 P10 X1", 1, 8, "P10", "0 to 9"),
+    ("G10 L2 P1 X1 R30", 1, 14, "R30", "not supported yet"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "column", "words", "message"), CASES)
+def test_a_refusal_names_its_place(text, line, column, words, message):
+    with pytest.raises(GcodeError) as refusal:
+        interpret_text(text, "part.ngc")
+    error = refusal.value
+    assert (error.path, error.line, error.column) == ("part.ngc", line, column)
+    assert error.text == words
+    assert message in str(error)
+    assert str(error).startswith(f"part.ngc:{line}:{column}: ")
+
+
+def test_columns_count_what_the_line_shows():
+    """Spaces, tabs and comments before and within a word keep their columns."""
+    with pytest.raises(GcodeError) as refusal:
+        interpret_text("\n(first) N7  g 0\t(x) x 1 . 2 . 3 (y)")
+    assert (refusal.value.line, refusal.value.column) == (2, 9)  # N after a comment
+    with pytest.raises(GcodeError) as refusal:
+        interpret_text("\n N7  g 0\t(x) x 1 . 2 . 3 (y)")
+    error = refusal.value
+    assert (error.line, error.column, error.text) == (2, 16, "1 . 2 . 3")
+
+
+def test_lines_count_alike_with_all_line_ends():
+    for end in ("\n", "\r\n", "\r"):
+        with pytest.raises(GcodeError) as refusal:
+            interpret_text(end.join(["(a)", "", "G0 X1", "M77", ""]))
+        assert refusal.value.line == 4
+
+
+def test_tools_must_be_in_the_table():
+    settings = InterpreterSettings(tools={1: 10.0, 4: 3.0})
+    for text, column, words in (("G43 H2", 5, "H2"), ("M6 T2", 4, "T2"), ("G0 G43 H2", 8, "H2")):
+        with pytest.raises(
+            GcodeError, match="tool 2 is not in the tool table, which has 1, 4"
+        ) as e:
+            interpret_text(text, settings=settings)
+        assert (e.value.line, e.value.column, e.value.text) == (1, column, words)
+
+
+def test_axis_errors_name_the_axes_of_the_machine():
+    with pytest.raises(GcodeError, match="it has X Z A"):
+        interpret_text("G0 Y1", settings=InterpreterSettings(axes="XZA"))
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "(only a comment)\n; another", "%\n%", "%"])
+def test_an_empty_program_is_refused(text):
+    with pytest.raises(GcodeError):
+        interpret_text(text)
+
+
+def test_a_program_cut_off_before_its_closing_percent_is_refused():
+    with pytest.raises(GcodeError, match="cut short") as refusal:
+        interpret_text("%\nG0 X1\nG0 X2")
+    assert refusal.value.line == 3
+
+
+def test_files_that_are_no_programs_are_refused(tmp_path):
+    with pytest.raises(GcodeError, match="no such file"):
+        interpret(tmp_path / "missing.ngc")
+    with pytest.raises(GcodeError, match="directory"):
+        interpret(tmp_path)
+    for name, data, message in (
+        ("nul.ngc", b"G0 X1\0", "NUL"),
+        ("utf16.ngc", "G0 X1".encode("utf-16"), "NUL"),
+        ("latin.ngc", b"G0 X1\nG0 \xe4 X2", "unexpected character"),
+        ("empty.ngc", b"", "empty"),
+    ):
+        path = tmp_path / name
+        path.write_bytes(data)
+        with pytest.raises(GcodeError, match=message) as refusal:
+            interpret(path)
+        assert refusal.value.path == str(path)
+
+
+def test_comments_of_old_encodings_are_read(tmp_path):
+    path = tmp_path / "old.ngc"
+    path.write_bytes(b"\xef\xbb\xbfG0 X1 (M\xc3\xbcll)")
+    assert interpret(path).moves.end[0, 0] == 1
+    path.write_bytes(b"G0 X2 (M\xfcll)")
+    assert interpret(path).moves.end[0, 0] == 2
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"axes": ""}, "axes"),
+        ({"axes": "XYX"}, "axes"),
+        ({"axes": "XU"}, "axes"),
+        ({"start": (0, 0, 0)}, "start must be 6"),
+        ({"home": (0, 0, 0, 0, 0, float("nan"))}, "home"),
+        ({"work_offsets": {"G53": (0,) * 6}}, "unknown work offset G53"),
+        ({"work_offsets": {"G55": (0, 0)}}, "G55 must be 6"),
+        ({"path_tolerance": 0}, "path_tolerance"),
+        ({"exact_tolerance": -1}, "exact_tolerance"),
+    ],
+)
+def test_settings_are_checked(setting, message):
+    with pytest.raises(UsageError, match=message):
+        InterpreterSettings(**setting)

@@ -85,7 +85,10 @@ class Moves:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happens between moves: before move ``at``, the machine being at rest there.
+    """Something that happens between moves: before move ``at``.
+
+    The machine is at rest there, except for ``message``, ``mist``, ``flood`` and another speed of a
+    turning spindle, which do not interrupt the motion.
 
     ``kind`` is one of ``spindle`` (value: signed rev/min, 0 off), ``tool`` (number), ``mist``,
     ``flood`` (0 or 1), ``pause`` (M0, M1), ``message`` (text), ``end`` (M2, M30).

@@ -60,10 +60,15 @@ def _couple(
 def _interval(
     x: Floats, y: Floats, limit: Floats, n: int, fixed: float, cap: float
 ) -> tuple[float, float, float]:
-    """Return the range of u in 0..cap with ``|x u + y fixed| <= limit``, and du/dfixed on top."""
+    """Return the range of u in 0..cap with ``|x u + y fixed| <= limit``, and du/dfixed on top.
+
+    The range is empty, low above high, where no u will do.
+    """
     low, high, slope = 0.0, cap, 0.0
     for j in range(n):
         if x[j] == 0.0:
+            if abs(y[j] * fixed) > limit[j]:
+                low = math.inf
             continue
         middle, reach = -y[j] * fixed / x[j], limit[j] / abs(x[j])
         low = max(low, middle - reach)
@@ -161,43 +166,40 @@ def law(path: Elements, b: Floats) -> tuple[NDArray[np.int32], Floats, Floats]:
     m = path.length.size
     element, start = np.empty(3 * m, np.int32), np.zeros(3 * m + 1)
     piece = np.zeros((3 * m, 4))
-    span, first, last = np.empty(3), np.empty(3), np.empty(3)
+    span, speed, rate = np.empty(3), np.empty(4), np.zeros(3)
     k, time, lost = 0, 0.0, 0.0  # compensated sum: errors do not grow
     for e in range(m):
         size, ramp = path.length[e], path.ramp[e]
-        v0, v1 = math.sqrt(b[e]), math.sqrt(b[e + 1])
-        first[:], last[:] = v0, v1
+        speed[0], speed[3] = math.sqrt(b[e]), math.sqrt(b[e + 1])
         span[0], span[1], span[2] = 0.0, size, 0.0
+        if size == 0.0:
+            time += path.dwell[e]
+            element[k], start[k + 1] = e, time
+            k += 1
+            continue
         if ramp > 0.0:
             peak = min(path.top[e], 0.5 * (b[e] + b[e + 1]) + ramp * size)
-            span[0] = max(peak - b[e], 0.0) / (2.0 * ramp)
-            span[2] = max(peak - b[e + 1], 0.0) / (2.0 * ramp)
-            tiny = 1e-12 * size
-            if span[2] <= tiny:
-                peak, span[2] = b[e + 1], 0.0
-                span[0] = min(span[0], size)
-            if span[0] <= tiny:
-                peak, span[0] = b[e], 0.0
-                span[2] = min(span[2], size)
+            span[0] = min(max(peak - b[e], 0.0) / (2.0 * ramp), size)
+            span[2] = min(max(peak - b[e + 1], 0.0) / (2.0 * ramp), size - span[0])
             span[1] = size - span[0] - span[2]
-            if span[1] <= tiny:
+            if span[1] <= 1e-12 * size:
                 span[1] = 0.0
-            last[0] = first[1] = last[1] = first[2] = math.sqrt(peak)
-        s = 0.0
+            speed[1] = speed[2] = math.sqrt(peak)
+            rate[0], rate[1], rate[2] = ramp, 0.0, -ramp
+        else:
+            speed[1], speed[2] = speed[0], speed[3]
+            rate[1] = (b[e + 1] - b[e]) / (2.0 * size)
         for i in range(3):
-            duration = path.dwell[e] if size == 0.0 and i == 1 else 0.0
-            if span[i] > 0.0:
-                duration = 2.0 * span[i] / (first[i] + last[i])
-                piece[k, 1] = first[i]
-                piece[k, 2] = 0.5 * (last[i] - first[i]) / duration
-            elif size > 0.0 or i != 1:
+            if span[i] <= 0.0:
                 continue
-            element[k] = e
-            piece[k, 0] = size - span[2] if i == 2 else s
-            s += span[i]
-            step = duration - lost
-            lost = (time + step - time) - step
-            time += step
-            k += 1
-            start[k] = time
+            step = 2.0 * span[i] / (speed[i] + speed[i + 1]) - lost
+            now = time + step
+            lost = (now - time) - step
+            if now > time:  # what rounding makes instantaneous is left out
+                element[k] = e
+                piece[k, 0] = 0.0 if i == 0 else span[0] if i == 1 else size - span[2]
+                piece[k, 1], piece[k, 2] = speed[i], 0.5 * rate[i]
+                k += 1
+                start[k] = now
+            time = now
     return element[:k], start[: k + 1], piece[:k]

@@ -1,0 +1,433 @@
+"""Cycle-exact twin of the USC: what the pins do at every clock cycle, from event to event.
+
+Time is an integer, the cycle of the core clock. Where the specification leaves a choice at the
+level of cycles, this is how the twin reads it:
+
+- A change of an input "at cycle n" is first sampled by edge n; a change of an output at cycle n
+  shows right after edge n. Inputs pass a two-flop synchroniser, so edge n + 2 is the first to use
+  them; ``enc_filter`` delays encoder inputs (A, B, index) by ``enc_filter - 1`` more edges. Digital
+  inputs and the estop chain are synchronised, not filtered.
+- A bus access at cycle n (`UscTwin.transact`) acts between the edges n and n + 1, after the tick at
+  its time. An EPP cycle at the pins acts at its action edge, from the values before that edge.
+- A ahead of B counts up. An index reset wins over a count of the same edge.
+- A counter whose load position bit is 1 shows the assembly register at all times.
+- The Intr line has no delay: all boards latch at the edge of the event.
+- A watchdog feed at the edge of expiry wins.
+- Reset does not touch synchronisers, filters and the levels that the decoders saw last.
+- At the pins, nINIT is sampled like any other input of the bus, and the first edge that samples it
+  high is edge 0. The byte for the data bus changes with address and data reads of a selected board
+  only; with both strobes low, a read is a data read. Strobes too short for the action increment the
+  address.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pulsewright.boards.usc import BOARD as ROOM
+from pulsewright.boards.usc import twin_kernel as kernel
+from pulsewright.boards.usc.registers import (
+    CLOCK_HZ,
+    DEFAULT_PROFILE,
+    TICK_HZ,
+    W_SETUP_RESET,
+    W_WIDTH_RESET,
+)
+from pulsewright.edges.trace import EdgeTrace
+from pulsewright.errors import BusError, UsageError
+from pulsewright.transport.bus import EPP_ACCESS
+from pulsewright.twin.clock import NEVER
+from pulsewright.twin.recorder import Recorder
+
+ACCESS_NS: Final = 1500  # time of one access by software over a parallel port
+BUS_INPUTS: Final = ("nwrite", "ndatastr", "naddrstr", "ninit", "data")
+BOARD_INPUTS: Final = (
+    *(f"{pin}{axis}" for pin in ("a", "b", "index") for axis in range(4)),
+    *(f"din{n}" for n in range(15)),
+    "estop_chain",
+)
+BUS_OUTPUTS: Final = ("nwait", "drive", *(f"data{n}" for n in range(8)))
+BOARD_OUTPUTS: Final = (
+    *(f"step{axis}" for axis in range(4)),
+    *(f"dir{axis}" for axis in range(4)),
+    *(f"out{n}" for n in range(7)),
+    *(f"dac{n}" for n in range(8)),
+    "running",
+)
+
+
+def _of_boards(pins: tuple[str, ...], boards: int) -> tuple[str, ...]:
+    return tuple(f"b{b}.{pin}" if b else pin for b in range(boards) for pin in pins)
+
+
+class UscTwin:
+    """One or more USC boards on an EPP bus.
+
+    Parameters
+    ----------
+    profile : str
+        ``document`` or ``linuxcnc``.
+    boards : int
+        Boards on the bus, 1..8; the first one answers at ``base``, the others at the next bases.
+    clock_hz : int
+        Core clock [Hz], a multiple of 10 MHz.
+    access_cycles : int, optional
+        Time of one access of `transact` [cycle]; default 1.5 us.
+    bus_pins : bool
+        Record the pins ``nwait``, ``drive`` (a board drives the data bus) and ``data0`` ..
+        ``data7`` (0 while not driven). They follow the strobes given to `schedule`, not `transact`.
+    nwait_idle : int
+        Level of ``nwait`` while no board acknowledges.
+    **switches : int
+        Switches that differ from the profile: ``div_offset``, ``time_code``, ``min_space``,
+        ``ident``, ``sense_gate``, ``watchdog_us``, ``mariss``, ``loopback``, ``base``,
+        ``enc_filter``.
+
+    Attributes
+    ----------
+    input_pins : tuple of str
+        Pins that `schedule` knows: those of the bus, then ``a0``, ``b0``, ``index0``, ``din0``,
+        ``estop_chain`` and so on of each board. Pins of boards after the first are prefixed with
+        their number: ``b1.din0``.
+    output_pins : tuple of str
+        Pins of the trace: ``step0``, ``dir0``, ``out0``, ``dac0``, ``running`` (1 = not in estop)
+        and so on of each board, prefixed likewise; then those of the bus, if recorded.
+    switches : dict of str to int
+        All profile switches.
+
+    Raises
+    ------
+    UsageError
+        If a parameter is not allowed.
+
+    Examples
+    --------
+    >>> twin = UscTwin(watchdog_us=0)
+    >>> twin.transact(np.array([(-1, ord("A"), 0x0F, 0), (-1, ord("R"), 0, 0)], dtype=...))
+    """
+
+    def __init__(
+        self,
+        profile: str = DEFAULT_PROFILE,
+        boards: int = 1,
+        clock_hz: int = CLOCK_HZ,
+        *,
+        access_cycles: int | None = None,
+        bus_pins: bool = False,
+        nwait_idle: int = 0,
+        **switches: int,
+    ) -> None:
+        self.switches = ROOM.switches(profile, **switches)
+        base = self.switches["base"]
+        if not 1 <= boards <= kernel.BOARDS_MAX - base:
+            raise UsageError(
+                f"usc twin: {boards} boards from base {base} on; allowed are "
+                f"1..{kernel.BOARDS_MAX - base} of them (bases 0..{kernel.BOARDS_MAX - 1})"
+            )
+        if clock_hz < TICK_HZ or clock_hz % TICK_HZ:
+            raise UsageError(
+                f"usc twin: core clock {clock_hz} Hz; allowed are multiples of {TICK_HZ} Hz"
+            )
+        if access_cycles is None:
+            access_cycles = clock_hz // 1000 * ACCESS_NS // 1_000_000
+        if access_cycles < 1:
+            raise UsageError(
+                f"usc twin: an access of {access_cycles} cycles; at least 1 is allowed"
+            )
+        if nwait_idle not in (0, 1):
+            raise UsageError(f"usc twin: nwait_idle = {nwait_idle}; allowed are 0 and 1")
+        self.profile, self.clock_hz, self.access_cycles = profile, clock_hz, access_cycles
+        self.boards = boards
+        self.input_pins = BUS_INPUTS + _of_boards(BOARD_INPUTS, boards)
+        self.output_pins = _of_boards(BOARD_OUTPUTS, boards) + (BUS_OUTPUTS if bus_pins else ())
+        self._pin_number = {pin: n for n, pin in enumerate(self.input_pins)}
+        self._recorder = Recorder(self.output_pins, clock_hz, ("nwait",) if nwait_idle else ())
+
+        bus = np.zeros(1, kernel.BUS)
+        fixed = ("div_offset", "time_code", "min_space", "ident", "sense_gate", "watchdog_us")
+        for name in (*fixed, "mariss", "enc_filter", "base"):
+            bus[name] = self.switches[name]
+        bus["tick"], bus["access_cycles"] = clock_hz // TICK_HZ, access_cycles
+        bus["bus_pins"], bus["nwait_idle"] = bus_pins, nwait_idle
+        bus["done"], bus["last_access"], bus["intr_until"] = -1, -access_cycles, -1
+        for name in ("nwrite", "ndatastr", "naddrstr", "ninit"):
+            bus[name] = 1
+        bus["selected"] = -1 if base else 0
+        board = np.zeros(boards, kernel.BOARD)
+        board["setup"], board["width"] = W_SETUP_RESET, W_WIDTH_RESET
+        board["loopback"] = self.switches["loopback"]
+        board["chain"], board["watchdog_at"], board["timer_at"] = 1, -1, NEVER
+        bus["next_accept"] = NEVER
+        inputs = np.zeros(boards * kernel.INPUT_PINS, kernel.INPUT)
+        for name in ("seen", "level"):
+            inputs[name][kernel.CHAIN_PIN :: kernel.INPUT_PINS] = 1
+        inputs["accept_at"] = NEVER
+        self._s = kernel.State(
+            bus,
+            board,
+            np.zeros((boards, kernel.AXES), kernel.AXIS),
+            inputs,
+            np.zeros((0, 3), np.int64),
+            self._recorder.rows,
+        )
+
+    # ---------------------------------------------------------------------------------------- time
+
+    @property
+    def now(self) -> int:
+        """Present cycle: its edge is done, an access without a later cycle acts after it."""
+        return max(int(self._s.bus["done"][0]), 0)
+
+    def advance(self, cycle: int) -> None:
+        """Run through the edge ``cycle`` without bus access.
+
+        Raises
+        ------
+        UsageError
+            If the cycle is over.
+        """
+        if cycle < self.now:
+            raise UsageError(f"usc twin: advance to cycle {cycle}, but it is already {self.now}")
+        while not kernel.run(self._s, cycle):
+            self._grow()
+
+    def drain(self, copy: bool = True) -> EdgeTrace:
+        """Return all level changes since the last call, up to, not including, cycle `now`.
+
+        Changes at `now` itself come with the next call, for the cycle may not be over.
+
+        Parameters
+        ----------
+        copy : bool
+            False: the arrays of the trace look into the twin's buffers and are valid only until
+            time goes on. For loops that look at every chunk once.
+        """
+        self._settle()
+        return self._recorder.drain(self.now, copy)
+
+    # ----------------------------------------------------------------------------------------- bus
+
+    def transact(self, accesses: NDArray[np.void]) -> None:
+        """Carry out EPP accesses in order.
+
+        Parameters
+        ----------
+        accesses : (n,) EPP_ACCESS
+            An access acts after the edge ``cycle``, but not before the present cycle nor earlier
+            than ``access_cycles`` after the access before it; `ASAP` asks for just that. Filled in:
+            ``cycle`` at which it acted, ``value`` of reads, ``timeout`` = 1 where no board is
+            selected (never for an address write; a read then gives the byte last driven).
+
+        Raises
+        ------
+        BusError
+            If an access has an unknown op; none has been carried out then.
+        """
+        if accesses.dtype != EPP_ACCESS or accesses.ndim != 1:
+            raise BusError(
+                f"usc twin: accesses must be a one-dimensional array of EPP_ACCESS, not "
+                f"{accesses.ndim}-dimensional of {accesses.dtype}"
+            )
+        bad = kernel.unknown_op(accesses)
+        if bad < len(accesses):
+            raise BusError(
+                f"usc twin: access {bad} has op {int(accesses['op'][bad])}; allowed are "
+                "ADDRESS_WRITE, DATA_WRITE, DATA_READ and ADDRESS_READ"
+            )
+        done = 0
+        while (done := kernel.transact(self._s, accesses, done)) < len(accesses):
+            self._grow()
+
+    def reset(self) -> None:
+        """Pulse nINIT: every board goes to its reset state; the present edge is its edge 0."""
+        self.set_ninit(0)
+        self.set_ninit(1)
+
+    def set_ninit(self, level: int) -> None:
+        """Bring nINIT to a level now; low holds all boards in reset and no board answers."""
+        self._settle()
+        kernel.set_ninit(self._s, int(bool(level)))
+
+    # -------------------------------------------------------------------------------------- inputs
+
+    def schedule(
+        self, cycles: ArrayLike, pins: str | Sequence[str] | ArrayLike, levels: ArrayLike
+    ) -> None:
+        """Let input pins change at later cycles.
+
+        Parameters
+        ----------
+        cycles : (n,) int
+            First edge that samples the new level, after `now` (from 0 on if nothing has run yet).
+            Any order; of several changes of one pin at one cycle the last one counts.
+        pins : (n,) str or int, or one of them for all
+            Names from `input_pins`, or their numbers there.
+        levels : (n,) int, or one for all
+            0 or 1; 0..255 for ``data``.
+
+        Raises
+        ------
+        UsageError
+            If a pin is unknown, a level not possible or a cycle over; nothing is scheduled then.
+        """
+        events = np.empty((len(np.atleast_1d(np.asarray(cycles))), 3), np.int64)
+        events[:, 0] = cycles
+        events[:, 1] = self._numbers(pins)
+        events[:, 2] = levels
+        self._check_events(events)
+        events[:, 0] += np.where(events[:, 1] < kernel.BUS_PINS, 0, kernel.SYNCHRONISER)
+        queue = np.concatenate([self._s.queue[int(self._s.bus["head"][0]) :], events])
+        queue = queue[np.lexsort((queue[:, 1], queue[:, 0]))]  # stable: the last change counts
+        last = np.append(np.any(queue[1:, :2] != queue[:-1, :2], axis=1), True)
+        self._s = self._s._replace(queue=np.ascontiguousarray(queue[last[: len(queue)]]))
+        self._s.bus["head"] = self._s.bus["next_event"] = 0
+
+    def set_din(self, value: int, board: int = 0) -> None:
+        """Set all digital inputs of a board now, bit n = input n, past the synchroniser.
+
+        Raises
+        ------
+        UsageError
+            If the value is not in 0..0x7FFF or there is no such board.
+        """
+        if not 0 <= value < 1 << 15:
+            raise UsageError(f"usc twin: digital inputs {value:#x}; allowed are 0..0x7fff")
+        first = self._board(board) * kernel.INPUT_PINS + kernel.DIN_PIN
+        self._settle()
+        for n in range(15):
+            kernel.set_input(self._s, first + n, value >> n & 1)
+
+    def set_estop_chain(self, closed: bool, board: int = 0) -> None:
+        """Close or open the estop chain of a board now, past the synchroniser."""
+        pin = self._board(board) * kernel.INPUT_PINS + kernel.CHAIN_PIN
+        self._settle()
+        kernel.set_input(self._s, pin, int(bool(closed)))
+
+    def set_encoder(self, axis: int, value: int, board: int = 0) -> None:
+        """Set an encoder counter now, modulo 2^24.
+
+        Nothing happens while the board is in reset or the axis' load position bit is 1.
+        """
+        self._board(board, axis)
+        self._settle()
+        kernel.set_encoder(self._s, board, axis, value % (kernel.COUNT_MASK + 1))
+
+    def index_edge(self, axis: int, board: int = 0) -> None:
+        """Give a rising index edge now; the level of the pin stays. Nothing while in reset."""
+        self._board(board, axis)
+        self._settle()
+        if not self._s.bus["in_reset"][0]:
+            kernel.index_edge(self._s, board, axis, int(self._s.axes["encoder"][board, axis]))
+
+    def set_loopback(self, on: bool, board: int = 0) -> None:
+        """Switch the step loopback of a board now."""
+        self._board(board)
+        self._settle()
+        self._s.boards["loopback"][board] = bool(on)
+
+    # --------------------------------------------------------------------------------------- state
+
+    def state(self, board: int = 0) -> dict[str, Any]:
+        """Return the registers and counters of a board as they are now.
+
+        Returns
+        -------
+        dict
+            ``cycle`` and ``t`` [ns] of now; registers as raw codes: ``assembly``, ``rate``
+            (divisors), ``rate_ctrl``, ``setup``, ``width``, ``dout``, ``extra``, ``enc_ctrl``,
+            ``index_reset``, ``timer``, ``slave``, ``index_sense``; ``enc`` and ``latch`` (counters
+            and holding registers, unsigned); ``steps`` (signed position [step]), ``step_edges``
+            (pulses); ``din``; ``estop`` (True while in estop), ``estop_in`` (chain closed),
+            ``loopback``, ``watchdog_left`` (ticks until it expires, 0 if expired, None if off),
+            ``address`` (address register); ``reads`` and ``writes`` (data accesses by register).
+        """
+        self._board(board)
+        self._settle()
+        registers, axes, bus = self._s.boards[board], self._s.axes[board], self._s.bus[0]
+        left = int(registers["watchdog_at"] - self.now) * TICK_HZ
+        return {
+            "cycle": self.now,
+            "t": self.now * 1_000_000_000 // self.clock_hz,
+            "address": int(bus["address"]),
+            "assembly": int(registers["assembly"]),
+            "rate": axes["divisor"].tolist(),
+            "rate_ctrl": int(registers["rate_control"]),
+            "setup": int(registers["setup"]),
+            "width": int(registers["width"]),
+            "dout": int(registers["outputs"]),
+            "extra": int(registers["dac"]),
+            "enc": axes["encoder"].tolist(),
+            "latch": axes["latch"].tolist(),
+            "enc_ctrl": int(registers["encoder_control"]),
+            "index_reset": int(registers["index_reset"]),
+            "index_sense": int(registers["index_sense"]),
+            "timer": int(registers["timer"]),
+            "slave": int(registers["slave"]),
+            "steps": axes["position"].tolist(),
+            "step_edges": axes["pulses"].tolist(),
+            "din": int(registers["din"]),
+            "estop": not registers["running"],
+            "estop_in": bool(registers["chain"]),
+            "loopback": bool(registers["loopback"]),
+            "watchdog_left": max(0, -(-left // self.clock_hz)) if bus["watchdog_us"] else None,
+            "reads": {n: int(k) for n, k in enumerate(registers["reads"]) if k},
+            "writes": {n: int(k) for n, k in enumerate(registers["writes"]) if k},
+        }
+
+    # ------------------------------------------------------------------------------------- helpers
+
+    def _grow(self) -> None:
+        self._recorder.grow()
+        self._s = self._s._replace(rows=self._recorder.rows)
+
+    def _settle(self) -> None:
+        """Bring the axes to the present cycle; they run only when looked at."""
+        while not kernel.advance_all(self._s, int(self._s.bus["done"][0])):
+            self._grow()
+
+    def _board(self, board: int, axis: int = 0) -> int:
+        if not 0 <= board < self.boards:
+            raise UsageError(f"usc twin: board {board}; allowed are 0..{self.boards - 1}")
+        if not 0 <= axis < kernel.AXES:
+            raise UsageError(f"usc twin: axis {axis}; allowed are 0..{kernel.AXES - 1}")
+        return board
+
+    def _numbers(self, pins: str | Sequence[str] | ArrayLike) -> NDArray[np.int64]:
+        array = np.asarray(pins)
+        if array.dtype.kind != "U":
+            return array.astype(np.int64)
+        names, place = np.unique(array, return_inverse=True)
+        unknown = [str(name) for name in names if str(name) not in self._pin_number]
+        if unknown:
+            raise UsageError(
+                f"usc twin: no input pin '{unknown[0]}'; the pins are {', '.join(self.input_pins)}"
+            )
+        return np.array([self._pin_number[str(name)] for name in names], np.int64)[place]
+
+    def _check_events(self, events: NDArray[np.int64]) -> None:
+        cycle, pin, level = events.T
+        if not len(events):
+            return
+        done = int(self._s.bus["done"][0])
+        if cycle.min() <= done:
+            raise UsageError(
+                f"usc twin: an input change at cycle {cycle.min()}, but that is over; "
+                f"cycles from {done + 1} on are allowed"
+            )
+        if not 0 <= pin.min() <= pin.max() < len(self.input_pins):
+            raise UsageError(
+                f"usc twin: input pin numbers {pin.min()}..{pin.max()}; allowed are "
+                f"0..{len(self.input_pins) - 1}"
+            )
+        most = np.where(pin == self.input_pins.index("data"), 255, 1)
+        wrong = np.flatnonzero((level < 0) | (level > most))
+        if len(wrong):
+            name = self.input_pins[int(pin[wrong[0]])]
+            raise UsageError(
+                f"usc twin: level {level[wrong[0]]} for input pin {name}; allowed are "
+                f"0..{most[wrong[0]]}"
+            )

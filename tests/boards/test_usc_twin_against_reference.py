@@ -1,0 +1,258 @@
+"""The twin against the slow model: every pin at every cycle, every byte read, every counter."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from usc_reference import DOCUMENT, LINUXCNC, Reference
+
+from pulsewright.boards.usc.twin import UscTwin
+from pulsewright.transport.bus import EPP_ACCESS
+
+AXES = st.integers(0, 3)
+LEVEL = st.integers(0, 1)
+BYTE = st.integers(0, 255)
+GAP = st.one_of(st.integers(0, 9), st.integers(0, 150), st.sampled_from([0, 0, 400, 1000]))
+CODE = st.one_of(st.integers(0xF0, 0xFF), st.sampled_from([0xFE, 0xFF, 0x00, 0xE0]))
+N = st.one_of(st.integers(0, 12), st.integers(0, 80), st.sampled_from([0xFFFFFF, 0x10000, 300]))
+
+SWITCHES = st.fixed_dictionaries(
+    {},
+    optional={
+        "div_offset": st.integers(0, 4),
+        "time_code": st.sampled_from([255, 256]),
+        "min_space": st.integers(1, 5),
+        "ident": st.sampled_from([0x41, 0x42, 0x4E]),
+        "sense_gate": LEVEL,
+        "mariss": LEVEL,
+        "loopback": LEVEL,
+        "enc_filter": st.sampled_from([1, 1, 2, 3, 7]),
+        "base": st.integers(0, 6),
+    },
+)
+
+
+def address(b, register):
+    return ("A", b, register)  # the board bits are put in when the base is known
+
+
+@st.composite
+def commands(draw, board_count):
+    """One thing that software does: a list of accesses, or a control command."""
+    b = draw(st.integers(0, board_count - 1))
+    kind = draw(
+        st.sampled_from(
+            ["divisors", "divisors", "divisor", "control", "codes", "outputs", "release", "timer"]
+            + ["encoders", "read", "any", "byte", "address", "din", "estop_in", "enc", "index"]
+            + ["loopback", "cycle", "reset", "ninit"]
+        )
+    )
+    if kind == "divisors":
+        first = draw(AXES)
+        data = [
+            d for n in draw(st.lists(N, min_size=1, max_size=4)) for d in n.to_bytes(3, "little")
+        ]
+        return [address(b, 0x10 + 3 * first), *(("W", d) for d in data)]
+    if kind == "divisor":
+        return [address(b, 0x10 + 3 * draw(AXES) + draw(st.integers(0, 2))), ("W", draw(BYTE))]
+    if kind == "control":
+        return [address(b, 0x1C), ("W", draw(st.one_of(BYTE, st.sampled_from([0xFF, 0xAA]))))]
+    if kind == "codes":
+        return [address(b, 0x1D), ("W", draw(CODE)), ("W", draw(CODE))]
+    if kind == "outputs":
+        return [address(b, 0x1F), ("W", draw(BYTE))]
+    if kind == "release":
+        return [address(b, 0x1F), ("W", 0), address(b, 0x1F), ("W", 0x80 | draw(BYTE))]
+    if kind == "timer":
+        value = draw(st.sampled_from([0x00, 0x10, 0x11, 0x12, 0x20, 0x30, 0x31, 0x01]))
+        return [address(b, 0x04), ("W", value)]
+    if kind == "encoders":
+        register = draw(st.sampled_from([0x03, 0x0C, 0x0D, 0x06, 0x0F]))
+        return [
+            address(b, register),
+            ("W", draw(st.one_of(BYTE, st.sampled_from([0, 0xF0, 0x0F])))),
+        ]
+    if kind == "read":
+        first = draw(st.sampled_from([0, 0, 3, 6, 0x0C, 0x0D, 0x0E, 0x0F, 0x10]))
+        return [address(b, first), *[("R", 0)] * draw(st.integers(1, 8))]
+    if kind == "any":
+        data = draw(st.lists(BYTE, min_size=1, max_size=4))
+        return [("A", None, draw(BYTE)), *(("W", d) for d in data)]
+    if kind == "byte":
+        return [(draw(st.sampled_from("WRa")), draw(BYTE))]
+    if kind == "address":
+        return [("A", None, draw(BYTE)), ("a", 0), ("R", 0)]
+    if kind == "cycle":
+        return [
+            address(b, 4),
+            ("W", 0x20),
+            address(b, 4),
+            ("W", 0),
+            address(b, 0),
+            *[("R", 0)] * 15,
+        ]
+    if kind == "din":
+        return ("din", b, draw(st.integers(0, 0x7FFF)))
+    if kind == "enc":
+        return ("enc", b, draw(AXES), draw(st.sampled_from([0, 5, -1, 0x7FFFFF, -0x800000])))
+    if kind == "index":
+        return ("index", b, draw(AXES))
+    if kind in ("estop_in", "loopback"):
+        return (kind, b, draw(LEVEL))
+    return (kind, draw(LEVEL))
+
+
+@st.composite
+def input_changes(draw, board_count):
+    """Changes of board inputs: quadrature walks, glitches, index pulses, inputs, the chain."""
+    changes, phases = [], {}
+    cycle = 0
+    for _ in range(draw(st.integers(0, 60))):
+        cycle += draw(st.one_of(st.integers(0, 3), st.integers(0, 60)))
+        b, i = draw(st.integers(0, board_count - 1)), draw(AXES)
+        prefix = f"b{b}." if b else ""
+        kind = draw(st.sampled_from(["walk"] * 5 + ["pin"] * 2 + ["index", "din", "chain"]))
+        if kind == "walk":
+            phases[b, i] = (phases.get((b, i), 0) + draw(st.sampled_from([1, 1, 1, -1]))) % 4
+            pin = ("a", "b", "a", "b")[phases[b, i]]
+            changes.append((cycle, f"{prefix}{pin}{i}", int(phases[b, i] in (1, 2))))
+        elif kind == "pin":
+            changes.append((cycle, f"{prefix}{draw(st.sampled_from('ab'))}{i}", draw(LEVEL)))
+        elif kind == "index":
+            changes.append((cycle, f"{prefix}index{i}", draw(LEVEL)))
+        elif kind == "din":
+            changes.append((cycle, f"{prefix}din{draw(st.integers(0, 14))}", draw(LEVEL)))
+        else:
+            closed = draw(st.sampled_from([0, 1, 1]))
+            changes.append((cycle, f"{prefix}estop_chain", closed))
+    return changes
+
+
+@st.composite
+def scenarios(draw):
+    boards = draw(st.sampled_from([1, 1, 2]))
+    options = {
+        "profile": draw(st.sampled_from(["document", "linuxcnc"])),
+        "boards": boards,
+        "clock_hz": draw(st.sampled_from([10, 20, 40])) * 1_000_000,
+        "watchdog_us": draw(st.sampled_from([0, 0, 1, 3, 20, 10_000])),
+        **draw(SWITCHES),
+    }
+    access_cycles = draw(st.sampled_from([1, 2, 7, 10, 60]))
+    steps = draw(st.lists(st.tuples(GAP, commands(boards)), min_size=1, max_size=25))
+    if draw(st.booleans()):  # most of the time a board that runs is more interesting
+        prelude = [address(0, 0x10), *[("W", d) for d in (9, 0, 0, 14, 0, 0)]]
+        prelude += [address(0, 0x1C), ("W", 0xFF), address(0, 0x1F), ("W", 0x80)]
+        steps.insert(0, (0, prelude))
+    return options, access_cycles, steps, draw(input_changes(boards))
+
+
+def carry_out(options, access_cycles, steps, changes, portions=False):
+    """Run a scenario on both models; return the twin, its trace and the reference."""
+    twin = UscTwin(access_cycles=access_cycles, **options)
+    reference = Reference(**{"base": 0, **options})
+    base = options.get("base", 0)
+    at = {}
+    for cycle, pin, level in changes:
+        at.setdefault(cycle, {})[pin] = level
+    if changes:
+        cycles, pins, levels = zip(*changes, strict=True)
+        twin.schedule(cycles, pins, levels)
+    now, last = 0, -access_cycles
+    for gap, command in steps:
+        now += gap
+        if isinstance(command, list):
+            accesses = np.zeros(len(command), EPP_ACCESS)
+            expected = []
+            for n, (op, *rest) in enumerate(command):
+                value = rest[-1]
+                if op == "A" and rest[0] is not None:
+                    value |= (base + rest[0]) << 5
+                wanted = now if n == 0 else -1
+                accesses[n] = (wanted, ord(op), value, 9, (0,) * 5)
+                now = last = max(wanted, last + access_cycles, now)
+                reference.run_to(now, at)
+                expected.append((now, *reference.access(op, value)))
+            twin.transact(accesses)
+            got = [(int(a["cycle"]), int(a["value"]), int(a["timeout"])) for a in accesses]
+            assert got == expected, command
+            continue
+        reference.run_to(now, at)
+        twin.advance(now)
+        name, *arguments = command
+        if name == "din":
+            b, value = arguments
+            twin.set_din(value, b)
+            for n in range(15):
+                reference.set_pin(b, f"din{n}", value >> n & 1)
+        elif name == "estop_in":
+            b, closed = arguments
+            twin.set_estop_chain(bool(closed), b)
+            reference.set_pin(b, "estop_chain", closed)
+        elif name == "enc":
+            b, i, value = arguments
+            twin.set_encoder(i, value, b)
+            reference.set_encoder(b, i, value)
+        elif name == "index":
+            b, i = arguments
+            twin.index_edge(i, b)
+            reference.index_edge(b, i)
+        elif name == "loopback":
+            b, on = arguments
+            twin.set_loopback(bool(on), b)
+            reference.boards[b].loopback = on
+        elif name == "ninit":
+            twin.set_ninit(arguments[0])
+            reference.set_ninit(arguments[0])
+        elif name == "reset":
+            twin.reset()
+            reference.set_ninit(0)
+            reference.set_ninit(1)
+        else:
+            raise AssertionError(name)
+    return twin, reference, now + 300, at
+
+
+def assert_same(twin, reference, end, at):
+    reference.run_to(end, at)
+    twin.advance(end)
+    trace = twin.drain()
+    for pin in trace.pins:
+        assert trace[pin].tolist() == reference.changes[pin], pin
+        assert trace.level_at_start(pin) == reference.initial[pin]
+    for b, board in enumerate(reference.boards):
+        state, r = twin.state(b), board.r
+        assert state["enc"] == list(r["count"])
+        assert state["latch"] == list(r["holding"])
+        assert state["steps"] == board.steps
+        assert state["step_edges"] == board.pulses
+        assert state["estop"] == (not r["running"])
+        assert state["rate"] == list(r["N"])
+        assert state["index_sense"] == r["sense"]
+        assert state["assembly"] == r["assembly"]
+        if board.p.watchdog_us:
+            assert state["watchdog_left"] == r["watchdog"]
+
+
+SETTINGS = {
+    "deadline": None,
+    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large],
+}
+
+
+@settings(max_examples=120, **SETTINGS)
+@given(scenarios())
+def test_transactions_match_the_reference(scenario):
+    assert_same(*carry_out(*scenario))
+
+
+@pytest.mark.campaign
+@settings(max_examples=20_000, **SETTINGS)
+@given(scenarios())
+def test_transactions_match_the_reference_campaign(scenario):
+    assert_same(*carry_out(*scenario))
+
+
+def test_reference_has_the_switches_of_the_profiles():
+    assert UscTwin("document").switches == DOCUMENT
+    assert UscTwin("linuxcnc").switches == LINUXCNC

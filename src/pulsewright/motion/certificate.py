@@ -7,8 +7,8 @@ from the programmed path is bounded by the control polygon of the difference.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ class Certificate:
     missed_rests: int
 
     @property
-    def holds(self) -> bool:
+    def passed(self) -> bool:
         """Whether every promise is kept."""
         return not self.violations()
 
@@ -111,9 +111,24 @@ class Certificate:
             found.append(f"no rest after {self.missed_rests} moves that demand it")
         return tuple(found)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain values for JSON."""
-        return {**asdict(self), "holds": self.holds}
+    def text(self) -> str:
+        """Return the certificate for a person to read."""
+        lines = [
+            f"{kind:<13} "
+            + ", ".join(f"{worst.what} {100 * worst.ratio:.2f} %" for worst in group)
+            + " of the limits"
+            for kind, group in [("velocity", self.velocity), ("acceleration", self.acceleration)]
+        ]
+        lines += [
+            f"{'feed':<13} {100 * self.feed.ratio:.2f} % of the programmed feed",
+            f"{'path':<13} within {self.deviation:.3g} mm, {100 * self.path.ratio:.2f} % of the "
+            f"tolerance; velocity continuous within {self.velocity_jump:.1g} mm/s",
+            *(f"VIOLATED      {violation}" for violation in self.violations()),
+        ]
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        return "; ".join(self.violations()) or "all limits kept"
 
 
 def certify(trajectory: Trajectory, moves: Moves, machine: Machine) -> Certificate:

@@ -15,12 +15,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.machine import Machine
 from pulsewright.motion.moves import Moves
 from pulsewright.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from pulsewright.motion.path import Limits, Segments
+
+__all__ = ["Certificate", "begin_times", "certify", "plan"]
 
 MARGIN = 1e-7  # of the limits, for rounding on the shortest pieces
 

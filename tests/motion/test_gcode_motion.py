@@ -87,6 +87,12 @@ def test_inverse_time_feed_sets_the_time_of_each_move():
     assert m.feed == pytest.approx([5, 9, 3, 2 * math.pi])  # 50 mm, 90 degrees, 30 mm, 20 pi mm
 
 
+def test_inverse_time_feed_counts_the_rise_of_a_helix():
+    # half a turn of radius 10 and 5 up in 10 s
+    m = moves("G93 G2 X20 I10 Z5 F6")
+    assert m.feed == pytest.approx([math.sqrt((10 * math.pi) ** 2 + 25) / 10])
+
+
 def test_g53_moves_in_machine_coordinates_whatever_the_offsets():
     offsets = {"work_offsets": {"G54": (10, 20, 30, 0, 0, 0)}, "tools": {1: 5.0}}
     text = "G43 H1\nG92 X3\nG0 X1 Y1 Z1\nG53 X1 Z1\nG53 G1 Y2 F60"
@@ -370,6 +376,10 @@ def test_a_tool_change_stops_the_spindle_first():
         ("spindle", 0),
         ("tool", 1),
     ]
+
+
+def test_a_speed_beside_its_spindle_code_is_one_event():
+    assert [e[3] for e in events("M3 S10\nM4 S20\nS30\nM5 S40\nS50")] == [10, -20, -30, 0]
 
 
 def test_the_order_of_a_line_is_that_of_the_standard():

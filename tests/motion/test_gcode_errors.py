@@ -26,7 +26,7 @@ CASES = [
     ("G0 X1 (a (b)", 1, 7, "(", "holds another"),
     ("G0 X1 )", 1, 7, ")", "no comment begins"),
     ("G0 X٣", 1, 4, "X", "a number is missing"),
-    ("ſ100", 1, 1, "ſ", "unexpected character"),  # its capital is S
+    ("\u017f100", 1, 1, "\u017f", "unexpected character"),  # the long s, whose capital is S
     # expressions and parameters
     ("G0 X[1+", 1, 7, "+", "a number is missing after +"),
     ("G0 X[1+2", 1, 5, "[1+2", "] is missing"),

@@ -302,6 +302,11 @@ def test_offset_parameters_are_the_offsets():
     assert ends(text) == [[4, 5, 0], [7, 0, 0], [5, 0, 0]]
 
 
+def test_only_g54_to_g59_3_select_a_coordinate_system():
+    text = "G10 L2 P2 X5\nG55 G0 X1\nX#5220\n#5220=77\nG10 L2 P0 X20\nX0"
+    assert [x for x, *_ in ends(text)] == [6, 7, 20]
+
+
 # Path tolerance, stops, events
 
 

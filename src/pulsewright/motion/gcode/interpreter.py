@@ -227,7 +227,6 @@ class Interpreter:
         self._store(HOME[300], settings.second_home)
         for i, name in enumerate(SYSTEMS):
             self._store(SYSTEM_OFFSET + 20 * i, settings.work_offsets.get(name, ZERO))
-        self.parameters.numbered[SYSTEM] = 1
 
         self._motion: int | None = None
         self._plane = Plane.XY
@@ -246,7 +245,7 @@ class Interpreter:
         self._g92 = list(ZERO)
         self._origin = list(ZERO)  # sum of all offsets: machine position of program position 0
         self._use_units(210)
-        self._use_system()
+        self._use_system(1)
         recorder.path_tolerance(settings.path_tolerance)
 
     def line(self, text: str, number: int) -> None:
@@ -450,9 +449,7 @@ class Interpreter:
                 self._tool_length = self._tool_length_of(number, block, "H", ("G", 430))
             self._use_offsets()
         if Group.COORDINATES in groups:
-            system = 1 + _SYSTEM_CODES.index(groups[Group.COORDINATES])
-            self.parameters.numbered[SYSTEM] = system
-            self._use_system()
+            self._use_system(1 + _SYSTEM_CODES.index(groups[Group.COORDINATES]))
         if Group.PATH in groups:
             self._use_path_control(groups[Group.PATH], block)
         if Group.DISTANCE in groups:
@@ -494,13 +491,12 @@ class Interpreter:
     def _stored(self, first: int) -> list[float]:
         return self.parameters.numbered[first : first + len(AXES)]
 
-    def _use_system(self) -> None:
-        """Take the selected coordinate system's origin from the parameters."""
-        self._work = self._stored(SYSTEM_OFFSET + 20 * (self._system() - 1))
+    def _use_system(self, system: int) -> None:
+        """Select a coordinate system, 1 to 9; take its origin from the parameters."""
+        self._system = system
+        self.parameters.numbered[SYSTEM] = system
+        self._work = self._stored(SYSTEM_OFFSET + 20 * (system - 1))
         self._use_offsets()
-
-    def _system(self) -> int:
-        return round(self.parameters.numbered[SYSTEM])
 
     def _use_offsets(self) -> None:
         self._origin = [work + shift for work, shift in zip(self._work, self._g92, strict=True)]
@@ -550,15 +546,15 @@ class Interpreter:
                 "G",
                 100,
             )
-        system = self._whole(block, "P", 0, len(SYSTEMS)) or self._system()
+        system = self._whole(block, "P", 0, len(SYSTEMS)) or self._system
         first = SYSTEM_OFFSET + 20 * (system - 1)
         for axis, value in self._named_axes(block):
             if kind == 20:
                 others = self._origin[axis] - self._work[axis]
                 value = self._position[axis] - others - value  # noqa: PLW2901
             self.parameters.numbered[first + axis] = value
-        if system == self._system():
-            self._use_system()
+        if system == self._system:
+            self._use_system(system)
 
     def _shift(self, command: int, block: Block) -> None:
         """Set, clear or restore the G92 offset."""

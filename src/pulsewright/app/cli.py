@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pulsewright.errors import BusError, CheckFailedError, PulsewrightError
+from pulsewright.errors import BusError, CheckFailedError, EstopError, PulsewrightError
 
 # plain help: rich help costs more time to import than everything else together
 app = typer.Typer(
@@ -120,13 +120,14 @@ def bench(
 def main() -> None:
     """Run the command line; errors become one line and an exit code.
 
-    2: unusable request or input; 1: a check failed or the link was lost; 130: interrupted.
+    2: unusable request or input; 1: a check failed, the link was lost or the board
+    stopped; 130: interrupted.
     """
     try:
         sys.exit(app(standalone_mode=False))
     except PulsewrightError as error:
         print(f"pulsewright: {error}", file=sys.stderr)
-        sys.exit(1 if isinstance(error, CheckFailedError | BusError) else 2)
+        sys.exit(1 if isinstance(error, CheckFailedError | BusError | EstopError) else 2)
     except (KeyboardInterrupt, typer.Abort):
         print("pulsewright: interrupted", file=sys.stderr)
         sys.exit(130)

@@ -18,9 +18,10 @@ from pulsewright.edges.timing import DriveTiming
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.edges.writer import TraceWriter
 from pulsewright.errors import CheckFailedError, UsageError
+from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.gcode import InterpreterSettings, interpret
 from pulsewright.motion.machine import WORK_OFFSETS, Machine
-from pulsewright.motion.plan import Certificate, begin_times, certify
+from pulsewright.motion.plan import begin_times
 from pulsewright.motion.plan import plan as plan_moves
 from pulsewright.units import MICROSECOND
 from pulsewright.verify import Tolerances, Verifier

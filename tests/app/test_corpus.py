@@ -1,0 +1,24 @@
+"""Real programs of other people, through the whole main job, to a passed verdict."""
+
+import pytest
+
+from pulsewright.app.run import Job
+
+SHORT = [
+    "arcspiral.ngc",
+    "circle_small_segments_ncd.ngc",
+    "contour.ngc",
+    "trochoidal.ngc",
+    "vcarve.ngc",
+    "wheels.ngc",
+    "zigzag_0.002_0.001.ngc",
+]
+LONG = ["cds.ngc", "tort.ngc", "wave.gcode", "tiger.nc"]
+
+
+@pytest.mark.parametrize(
+    "name", SHORT + [pytest.param(name, marks=pytest.mark.campaign) for name in LONG]
+)
+def test_real_programs_pass_on_the_default_machine(name, corpus):
+    result = Job.from_gcode(corpus / name).run()
+    assert result.passed, result.text()

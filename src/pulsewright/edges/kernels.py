@@ -13,19 +13,20 @@ Ints = NDArray[np.int64]
 NEVER: Final = -(1 << 62)  # cycle of what has not happened yet
 
 # Elements of the state that `measure_timing` carries from chunk to chunk: cycles, or `NEVER`.
-ACTIVE, TRAILING, CHANGE, PENDING, CHANGED = 0, 1, 2, 3, 4
+# The last active and trailing edge and direction change; the first direction change after the last
+# active edge; the same if the pulse has not ended since.
+ACTIVE, TRAILING, CHANGE, CHANGED, PENDING = 0, 1, 2, 3, 4
 STATE_SIZE: Final = 5
 # Rows of its results, in the order of `timing.KINDS`
 WIDTH, SPACE, SETUP, HOLD, HOLD_TRAILING = 0, 1, 2, 3, 4
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _note(kind: int, value: int, cycle: int, need: Ints, low: Ints, at: Ints, below: Ints) -> None:
     if value < low[kind]:
         low[kind] = value
         at[kind] = cycle
-    if value < need[kind]:
-        below[kind] += 1
+    below[kind] += value < need[kind]
 
 
 @njit(cache=True)
@@ -52,37 +53,53 @@ def measure_timing(
     state : (STATE_SIZE,) int64
         Carried on; all `NEVER` before the first chunk.
     low, at, below : (5,) int64
-        Shortest time of each kind [cycle], where its last edge was, and how many were too short.
+        Shortest time of each kind [cycle], where its last edge was, and how many were too short;
+        ``low`` is at most ``-NEVER``, so what never happened is never shorter.
     """
-    i, j = 0, 0
-    while i < step.size or j < direction.size:
+    # Local variables, since this runs once per step of a job.
+    rise, fall, change = state[ACTIVE], state[TRAILING], state[CHANGE]
+    changed, pending = state[CHANGED], state[PENDING]
+    width, width_at, narrow, width_need = low[WIDTH], at[WIDTH], 0, need[WIDTH]
+    space, space_at, close, space_need = low[SPACE], at[SPACE], 0, need[SPACE]
+    setup, setup_at, early, setup_need = low[SETUP], at[SETUP], 0, need[SETUP]
+    i = 0
+    for j in range(direction.size + 1):
         # A direction change in the cycle of a step edge counts as being before it: setup 0.
-        if j < direction.size and (i == step.size or direction[j] <= step[i]):
-            now = direction[j]
-            j += 1
-            if state[ACTIVE] != NEVER and state[CHANGED] == NEVER:
-                _note(HOLD, now - state[ACTIVE], now, need, low, at, below)
-                state[CHANGED] = now
-                if active:
-                    state[PENDING] = now
-                elif state[TRAILING] != NEVER:
-                    _note(HOLD_TRAILING, now - state[TRAILING], now, need, low, at, below)
-            state[CHANGE] = now
-            continue
-        now = step[i]
-        i += 1
-        active = 1 - active
-        if active:
-            if state[TRAILING] != NEVER:
-                _note(SPACE, now - state[TRAILING], now, need, low, at, below)
-            if state[CHANGE] != NEVER:
-                _note(SETUP, now - state[CHANGE], now, need, low, at, below)
-            state[ACTIVE] = now
-            state[CHANGED] = NEVER
-        else:
-            if state[ACTIVE] != NEVER:
-                _note(WIDTH, now - state[ACTIVE], now, need, low, at, below)
-            if state[PENDING] != NEVER:
-                _note(HOLD_TRAILING, state[PENDING] - now, now, need, low, at, below)
-                state[PENDING] = NEVER
-            state[TRAILING] = now
+        until = direction[j] if j < direction.size else -NEVER
+        while i < step.size and step[i] < until:
+            now = step[i]
+            i += 1
+            active = 1 - active
+            if active:
+                if now - fall < space:
+                    space, space_at = now - fall, now
+                if now - change < setup:
+                    setup, setup_at = now - change, now
+                close += now - fall < space_need
+                early += now - change < setup_need
+                rise, changed = now, NEVER
+            else:
+                if now - rise < width:
+                    width, width_at = now - rise, now
+                narrow += now - rise < width_need
+                if pending != NEVER:
+                    _note(HOLD_TRAILING, pending - now, now, need, low, at, below)
+                    pending = NEVER
+                fall = now
+        if j == direction.size:
+            break
+        if rise != NEVER and changed == NEVER:
+            _note(HOLD, until - rise, until, need, low, at, below)
+            changed = until
+            if active:
+                pending = until
+            elif fall != NEVER:
+                _note(HOLD_TRAILING, until - fall, until, need, low, at, below)
+        change = until
+    state[ACTIVE], state[TRAILING], state[CHANGE] = rise, fall, change
+    state[CHANGED], state[PENDING] = changed, pending
+    low[WIDTH], at[WIDTH], low[SPACE], at[SPACE] = width, width_at, space, space_at
+    low[SETUP], at[SETUP] = setup, setup_at
+    below[WIDTH] += narrow
+    below[SPACE] += close
+    below[SETUP] += early

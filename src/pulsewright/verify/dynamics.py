@@ -31,17 +31,13 @@ class _Peak:
     ratio: float = -1.0
     value: float = 0.0
     bound: float = 0.0
-    point: int = 0
+    point: int = 0  # grid point in the centre of the window
     planned: float = 0.0  # largest of the plan, by the same differences
 
-    def note(self, value: Floats, bound: Floats | float, point: int, planned: Floats) -> None:
-        """Take in values at grid points from ``point`` on."""
-        ratio = value / bound
-        i = int(np.argmax(ratio))
-        if ratio[i] > self.ratio:
-            self.ratio, self.value = float(ratio[i]), float(value[i])
-            self.bound, self.point = float(np.broadcast_to(bound, ratio.shape)[i]), point + i
-        self.planned = max(self.planned, float(planned.max()))
+    def note(self, value: float, bound: float, point: int) -> None:
+        """Take in the largest value of some windows."""
+        if value > self.ratio * bound:
+            self.ratio, self.value, self.bound, self.point = value / bound, value, bound, point
 
 
 @dataclass(frozen=True)
@@ -135,6 +131,8 @@ class DynamicsCheck:
         distance : (n,) float64
             From the programmed path [mm].
         """
+        from pulsewright.verify import kernels
+
         old_tool, old_plan, old_run, old_deviation, old_distance = self._tail
         tool, plan = np.concatenate([old_tool, tool]), np.concatenate([old_plan, plan])
         run = np.concatenate([old_run, run])
@@ -143,39 +141,34 @@ class DynamicsCheck:
         n = len(tool) - 2 * self._delay
         self._tail = (tool[n:], plan[n:], run[n:], deviation[n:], distance[n:])
 
+        dt, delay, peak = self._reference.dt, self._delay, np.empty(4)
         for limit in self._limits:
-            y, z = tool @ limit.row, plan @ limit.row
-            w, h = limit.velocity_window, limit.velocity_window * self._reference.dt
-            limit.fast.note(
-                np.abs(self._first(y, w)) / h,
-                limit.velocity + 2 * limit.blur / h,
-                self._point,
-                np.abs(self._first(z, w)) / h,
-            )
-            w, h = limit.acceleration_window, limit.acceleration_window * self._reference.dt
+            windows = limit.velocity_window, limit.acceleration_window
+            h, g = windows[0] * dt, windows[1] * dt
+            kernels.row_differences(tool, limit.row, delay, *windows, peak)
+            first, at, second, turn = peak.tolist()
+            limit.fast.note(first / h, limit.velocity + 2 * limit.blur / h, self._point + int(at))
             limit.hard.note(
-                np.abs(self._second(y, w)) / h**2,
-                limit.acceleration + 4 * limit.blur / h**2,
-                self._point,
-                np.abs(self._second(z, w)) / h**2,
+                second / g**2, limit.acceleration + 4 * limit.blur / g**2, self._point + int(turn)
             )
-        w, h = self._feed_window, self._feed_window * self._reference.dt
-        for path, peak in zip(self._paths, self._feeds, strict=True):
-            measured, planned = tool[:, path.columns], plan[:, path.columns]
-            peak.note(
-                np.linalg.norm(self._first(measured, w), axis=1) / h,
-                self._feed_allowed(run, path.group, n) + 2 * path.quantum / h,
-                self._point,
-                np.linalg.norm(self._first(planned, w), axis=1) / h,
-            )
-            bulge = np.linalg.norm(self._second(planned, 1), axis=1).max() / 8
+            kernels.row_differences(plan, limit.row, delay, *windows, peak)
+            limit.fast.planned = max(limit.fast.planned, float(peak[0]) / h)
+            limit.hard.planned = max(limit.hard.planned, float(peak[2]) / g**2)
+        h = self._feed_window * dt
+        for path, fast in zip(self._paths, self._feeds, strict=True):
+            column = path.columns.start
+            speed = kernels.first_differences(tool, column, delay, self._feed_window) / h
+            bound = self._feed_allowed(run, path.group, n) + 2 * path.quantum / h
+            i = int(np.argmax(speed / bound))
+            fast.note(float(speed[i]), float(bound[i]), self._point + i)
+            bulge = kernels.second_differences(plan, column, delay, 1).max() / 8
             self.bulge = max(self.bulge, float(bulge))
 
-        here = slice(self._delay, self._delay + n)
-        w, h = self._speed_window, self._speed_window * self._reference.dt
-        speed = np.linalg.norm(self._first(tool[:, :3], w), axis=1) / h
-        w, h = self._hard_window, self._hard_window * self._reference.dt
-        hard = np.linalg.norm(self._second(tool[:, :3], w), axis=1) / h**2
+        here = slice(delay, delay + n)
+        w, h = self._speed_window, self._speed_window * dt
+        speed = kernels.first_differences(tool, 0, delay, w) / h
+        w, h = self._hard_window, self._hard_window * dt
+        hard = kernels.second_differences(tool, 0, delay, w) / h**2
         started = slice(max(0, -self._point), None)  # rest before the start makes no picture
         self._picture.feed(
             (self._point + np.arange(n))[started],
@@ -184,18 +177,6 @@ class DynamicsCheck:
             np.column_stack([speed, hard, distance[here], deviation[here]])[started],
         )
         self._point += n
-
-    def _first(self, x: Floats, window: int) -> Floats:
-        """Return the first differences of x (n + 2 delay,) over a window around each centre."""
-        low = self._delay - window // 2
-        high = len(x) - 2 * self._delay + low
-        return np.asarray(x[low + window : high + window] - x[low:high])
-
-    def _second(self, x: Floats, window: int) -> Floats:
-        """Return the second differences of x (n + 2 delay,) over two windows at each centre."""
-        low, high = self._delay, len(x) - self._delay
-        before, after = x[low - window : high - window], x[low + window : high + window]
-        return np.asarray(before - 2 * x[low:high] + after)
 
     def _feed_allowed(self, run: Ints, group: str, n: int) -> Floats:
         """Return the highest feed in the window around each of n centres."""

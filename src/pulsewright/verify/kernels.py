@@ -21,7 +21,7 @@ BINS_PER_STEP: Final = 20  # histogram of deviations: bins of 0.05 step ...
 HISTOGRAM: Final = 81  # ... centred on -2 .. +2 step, the outer ones open
 
 REACH_MOVES: Final = 1000  # the nearest-point search looks no further than so many moves
-ENOUGH_NEIGHBOURS: Final = 2  # ... and at least this far, whatever their length
+ENOUGH_NEIGHBOURS: Final = 1  # ... and at least this far, whatever their length
 
 
 @njit(cache=True)
@@ -90,45 +90,46 @@ def follow(
         before it; filled from 0 on.
     """
     count, k, point, first = state[COUNT], state[PIECE], state[GRID], state[WINDOW]
-    previous = state[PREVIOUS]
-    points, last = 0, start.size - 2
-    most = abs(worst[0])
-    recent = 0.0
-    i, j = 0, 0
-    trailing = active  # 1: the next change is a trailing edge
+    previous, forward, backward = state[PREVIOUS], 0, 0
+    points, last, period = 0, start.size - 2, 1.0 / clock
+    finish = start[last + 1]
+    most, recent, beyond = abs(worst[0]), 0.0, 0
+    opens = window[first, 0]
+    # The plan of this motor on piece k: a cubic of time where the element is straight.
+    c0, c1, c2, c3, straight = _cubic(poly, omega, law, element[k], k, motor)
+    i, j = active, 0  # if the pin is active, the first change is a trailing edge
     while True:
-        # the next active edge, or the end of the chunk
-        i += trailing
-        trailing = 1
-        now = step[i] if i < step.size else end
-        i += 1
-        # what happens while the count stands still: grid points, ends of pieces, windows
+        stepping = i < step.size
+        now = step[i] if stepping else end
+        i += 2
+        # Instants while the count stands still: ends of pieces, grid points, and last ``now``
+        # itself, just before the step.
         while True:
             at = origin + point * grid
             on_grid = at < now
-            t = ((at if on_grid else now) - origin) / clock
-            t = min(max(t, 0.0), start[last + 1])
-            while k < last and t >= start[k + 1]:
-                e = element[k]
-                s = path_coordinate(law, k, start[k + 1] - start[k])
-                deviation = count - coordinate(poly, cosine, sine, omega, e, motor, s)
-                recent = max(recent, abs(deviation))
-                if abs(deviation) > most:
-                    most = abs(deviation)
-                    worst[0], worst[1] = deviation, origin + start[k + 1] * clock
-                if abs(deviation) > bound:
-                    worst[2] += 1
-                k += 1
-            e = element[k]
-            s = path_coordinate(law, k, t - start[k])
-            x = coordinate(poly, cosine, sine, omega, e, motor, s)
+            if not on_grid:
+                at = now
+            t = min(max((at - origin) * period, 0.0), finish)
+            ended = k < last and t >= start[k + 1]
+            if ended:
+                t = start[k + 1]
+            tau = t - start[k]
+            if straight:
+                x = ((c3 * tau + c2) * tau + c1) * tau + c0
+            else:
+                s = path_coordinate(law, k, tau)
+                x = coordinate(poly, cosine, sine, omega, element[k], motor, s)
             deviation = count - x
-            recent = max(recent, abs(deviation))
-            if abs(deviation) > most:
-                most = abs(deviation)
-                worst[0], worst[1] = deviation, (at if on_grid else now)
-            if abs(deviation) > bound:
-                worst[2] += 1
+            size = abs(deviation)
+            recent = max(recent, size)
+            beyond += size > bound
+            if size > most:
+                most = size
+                worst[0], worst[1] = deviation, origin + t * clock if ended else at
+            if ended:
+                k += 1
+                c0, c1, c2, c3, straight = _cubic(poly, omega, law, element[k], k, motor)
+                continue
             if not on_grid:
                 break
             grid_count[points] = count
@@ -137,45 +138,62 @@ def follow(
             recent = 0.0
             points += 1
             point += 1
-        while first < window.shape[0] and window[first, 1] < previous:
-            first += 1
-        w = first
-        while w < window.shape[0] and window[w, 0] < now:
-            if window[w, 1] >= previous:
-                seen[w, 0] = min(seen[w, 0], count)
-                seen[w, 1] = max(seen[w, 1], count)
-            w += 1
+        if opens < now:
+            while first < window.shape[0] - 1 and window[first, 1] < previous:
+                first += 1
+            opens = window[first, 0]
+            w = first
+            while w < window.shape[0] and window[w, 0] < now:
+                if window[w, 1] >= previous:
+                    seen[w, 0] = min(seen[w, 0], count)
+                    seen[w, 1] = max(seen[w, 1], count)
+                w += 1
         previous = now
-        if i > step.size:
+        if not stepping:
             break
-        histogram[_bin(deviation)] += 1
+        near = math.floor(deviation * BINS_PER_STEP + 0.5) + HISTOGRAM // 2
+        histogram[min(max(near, 0), HISTOGRAM - 1)] += 1
         while j < direction.size and direction[j] <= now:
             positive = 1 - positive
             j += 1
         if positive:
             count += 1
-            state[FORWARD] += 1
+            forward += 1
+            near += BINS_PER_STEP
         else:
             count -= 1
-            state[BACKWARD] += 1
+            backward += 1
+            near -= BINS_PER_STEP
+        histogram[min(max(near, 0), HISTOGRAM - 1)] += 1
         deviation = count - x
-        histogram[_bin(deviation)] += 1
-        recent = max(recent, abs(deviation))
-        if abs(deviation) > most:
-            most = abs(deviation)
+        size = abs(deviation)
+        recent = max(recent, size)
+        beyond += size > bound
+        if size > most:
+            most = size
             worst[0], worst[1] = deviation, now
-        if abs(deviation) > bound:
-            worst[2] += 1
     state[COUNT], state[PIECE], state[GRID], state[WINDOW] = count, k, point, first
     state[PREVIOUS] = previous
+    state[FORWARD] += forward
+    state[BACKWARD] += backward
+    worst[2] += beyond
     return points
 
 
 @njit(cache=True, inline="always")
-def _bin(deviation: float) -> int:
-    middle = HISTOGRAM // 2
-    scaled = min(max(deviation * BINS_PER_STEP, -float(middle)), float(middle))
-    return middle + math.floor(scaled + 0.5)
+def _cubic(
+    poly: Floats, omega: Floats, law: Floats, e: int, k: int, motor: int
+) -> tuple[float, float, float, float, bool]:
+    """Return position over time on piece k as a cubic, and whether it is one."""
+    slope = poly[e, 1, motor]
+    straight = omega[e] == 0.0 and poly[e, 2, motor] == 0.0 and poly[e, 3, motor] == 0.0
+    return (
+        poly[e, 0, motor] + slope * law[k, 0],
+        slope * law[k, 1],
+        slope * law[k, 2],
+        slope * law[k, 3],
+        straight,
+    )
 
 
 @njit(cache=True)
@@ -354,3 +372,70 @@ def compare_path(
         for i in range(state[0], state[1]):
             covered[i] = min(covered[i], segment_distance2(finish[i], before, p, first))
         before[:] = p
+
+
+@njit(cache=True)
+def row_differences(
+    x: Floats, row: Floats, delay: int, velocity_window: int, acceleration_window: int, out: Floats
+) -> None:
+    """Find the largest first and second difference of ``row`` times position.
+
+    Parameters
+    ----------
+    x : (n + 2 delay, 6) float64
+        Positions; the windows are centred on all but ``delay`` at either end.
+    velocity_window, acceleration_window : int
+        Length of the first difference, and of either half of the second; at most ``delay``.
+    out : (4,) float64
+        Filled: magnitude of the largest first difference and its centre from 0, the same of the
+        second difference.
+    """
+    n = x.shape[0] - 2 * delay
+    y = np.zeros(x.shape[0])
+    for axis in range(row.size):
+        if row[axis] != 0.0:
+            for k in range(y.size):
+                y[k] += row[axis] * x[k, axis]
+    low, high = delay - velocity_window // 2, delay - velocity_window // 2 + velocity_window
+    out[:] = 0.0
+    for k in range(n):
+        first = abs(y[k + high] - y[k + low])
+        if first > out[0]:
+            out[0], out[1] = first, k
+    low, high = delay - acceleration_window, delay + acceleration_window
+    for k in range(n):
+        second = abs(y[k + high] - 2.0 * y[k + delay] + y[k + low])
+        if second > out[2]:
+            out[2], out[3] = second, k
+
+
+@njit(cache=True)
+def first_differences(x: Floats, column: int, delay: int, window: int) -> Floats:
+    """Return the length of three columns' first difference over ``window``, (n,).
+
+    ``x`` is (n + 2 delay, 6) as for `row_differences`.
+    """
+    result = np.empty(x.shape[0] - 2 * delay)
+    low, high = delay - window // 2, delay - window // 2 + window
+    for k in range(result.size):
+        square = 0.0
+        for c in range(column, column + 3):
+            square += (x[k + high, c] - x[k + low, c]) ** 2
+        result[k] = math.sqrt(square)
+    return result
+
+
+@njit(cache=True)
+def second_differences(x: Floats, column: int, delay: int, window: int) -> Floats:
+    """Return the length of three columns' second difference over two ``window``, (n,).
+
+    ``x`` is (n + 2 delay, 6) as for `row_differences`.
+    """
+    result = np.empty(x.shape[0] - 2 * delay)
+    low, high = delay - window, delay + window
+    for k in range(result.size):
+        square = 0.0
+        for c in range(column, column + 3):
+            square += (x[k + high, c] - 2.0 * x[k + delay, c] + x[k + low, c]) ** 2
+        result[k] = math.sqrt(square)
+    return result

@@ -115,7 +115,8 @@ class Reference:
 
     def tool(self, steps: NDArray[Any]) -> Floats:
         """Return tool positions (n, 6) of motor positions (n, motors)."""
-        return np.asarray(self.home + (steps - self.home_steps) @ self.inverse.T)
+        moved = np.ascontiguousarray(steps, float) - self.home_steps
+        return np.asarray(moved @ self.inverse.T + self.home)
 
     def cycle(self, time: float) -> float:
         """Return the cycle at a time of the plan [s]."""

@@ -434,7 +434,7 @@ class _Reference:
         demanded = self.corner <= 0
         demanded[-1] = True
         kept = still[closing] & ~self.blend[closing]
-        return float(error), int((demanded & ~kept).sum() + (demanded[self.run] & self.blend).sum())
+        return float(error), int((demanded & ~kept).sum())
 
     def dwell_error(self, motion: _Pieces) -> float:
         """Return the largest difference between a programmed dwell and the time at rest [s]."""

@@ -412,17 +412,17 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Flags]:
         Whether the machine comes to rest at the end of the segment.
     """
     n = s.length.size
-    wanted, size, rest = np.zeros(n), np.zeros(n), np.zeros(n, np.bool_)
+    # where there is no blend, too, half of the segment is left to others at most: none vanishes
+    wanted, size, rest = np.full(n, math.inf), np.zeros(n), np.zeros(n, np.bool_)
     work, curve = np.empty((4, 6)), np.empty((4, 6))
     e1, e2, turn = work[0], work[1], work[2]
     for k in range(n):
-        wanted[k] = math.inf  # a rest, too, leaves half of the segment to others at most
         rest[k] = k + 1 == n or s.tolerance[k] <= 0.0
         if rest[k]:
             continue
         _tangent(s, k, s.length[k], e1)
         _tangent(s, k + 1, 0.0, e2)
-        dot, square = 0.0, 0.0
+        dot = 0.0
         for axis in range(6):
             turn[axis] = e2[axis] - e1[axis]
             dot += e1[axis] * e2[axis]
@@ -431,9 +431,7 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Flags]:
         )
         angle = _norm(turn)
         rest[k] = dot <= REVERSAL * math.sqrt(square)
-        if angle <= TANGENT:
-            wanted[k] = 0.0
-        elif not rest[k]:
+        if angle > TANGENT and not rest[k]:
             top = min(s.top[k], s.top[k + 1])
             of_use = max(
                 _size_needed(e1, e2, top, limits) / BLEND_SHARE,
@@ -444,7 +442,7 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Flags]:
             if widest > 0.0:
                 wanted[k] = min(wanted[k], WIDEST_ARC / widest)
     for k in range(n - 1):
-        if rest[k] or wanted[k] == 0.0:
+        if wanted[k] == math.inf:
             continue
         before = wanted[k - 1] if k > 0 else math.inf
         size[k] = min(

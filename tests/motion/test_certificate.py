@@ -1,0 +1,134 @@
+"""The certificate must fail where a promise is broken, and by how much."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from test_plan import MACHINE, program
+
+from pulsewright.errors import UsageError
+from pulsewright.motion.certificate import certify
+from pulsewright.motion.plan import plan
+
+CORNER = program([((50, 0), 50), ((50, 50), 50), 0.5, ((0, 50), 50)], tolerance=0.1)
+
+
+def faster(factor):
+    """Return the corner's trajectory, run ``factor`` times as fast."""
+    trajectory = plan(CORNER, MACHINE)
+    law = trajectory.law * factor ** np.arange(4)
+    return dataclasses.replace(trajectory, law=law, start=trajectory.start / factor)
+
+
+def changed(**columns):
+    """Return moves like the corner's but for some columns."""
+    return dataclasses.replace(CORNER, **columns)
+
+
+def test_planned_motion_passes():
+    certificate = certify(plan(CORNER, MACHINE), CORNER, MACHINE)
+    assert certificate.passed
+    assert certificate.deviation == pytest.approx(0.1)
+    assert "100.00 % of the programmed feed" in certificate.text()
+
+
+def test_exact_shares_of_the_limits():
+    # a trapezoid at 50 of 60 mm/s, with all of the acceleration
+    moves = program([((0, 100), 50)])
+    certificate = certify(plan(moves, MACHINE), moves, MACHINE)
+    assert [worst.ratio for worst in certificate.velocity] == pytest.approx([0, 5 / 6, 0, 0])
+    assert [worst.ratio for worst in certificate.acceleration] == pytest.approx([0, 1, 0, 0])
+    assert certificate.velocity[1].what == "Y"
+
+
+def test_speed_beyond_feed_and_limits_is_found():
+    certificate = certify(faster(1.5), CORNER, MACHINE)
+    assert certificate.feed.ratio == pytest.approx(1.5)
+    assert certificate.velocity[0].ratio == pytest.approx(1.25)
+    assert certificate.acceleration[0].ratio == pytest.approx(2.25)
+    assert certificate.acceleration[0].line == 1
+    assert certificate.dwell_error == pytest.approx(0.5 - 0.5 / 1.5)
+    assert not certificate.passed
+    assert "acceleration of X reaches 2.25" in str(certificate)
+
+
+def test_acceleration_inside_an_arc_is_found():
+    # r = 20 mm at 50 mm/s: 125 mm/s^2 in cruise, on X when passing (20, 0) after a full turn
+    moves = program([((20, 0), 50, ((0, 0), 4 * np.pi))], start=(20, 0))
+    trajectory = plan(moves, MACHINE)
+    cruise = np.argmax(np.diff(trajectory.start))
+    assert trajectory.law[cruise, 2] == 0
+    slow = MACHINE.model_copy(
+        update={
+            "axis": {
+                **MACHINE.axis,
+                "X": MACHINE.axis["X"].model_copy(update={"acceleration": 100.0}),
+            }
+        }
+    )
+    assert certify(trajectory, moves, slow).acceleration[0].ratio >= 1.25
+
+
+def test_tighter_tolerance_is_violated():
+    certificate = certify(plan(CORNER, MACHINE), changed(tolerance=CORNER.tolerance / 2), MACHINE)
+    assert certificate.path.ratio == pytest.approx(2)
+    assert certificate.path.line == 1
+
+
+def test_missed_rest_is_found():
+    certificate = certify(plan(CORNER, MACHINE), changed(tolerance=np.zeros(4)), MACHINE)
+    assert certificate.missed_rests == 1
+
+
+def test_wrong_end_and_wrong_path_are_found():
+    end = CORNER.end.copy()
+    end[-1, 1] += 0.02
+    certificate = certify(plan(CORNER, MACHINE), changed(end=end), MACHINE)
+    assert certificate.end_error == pytest.approx(0.02)
+    assert certificate.deviation >= 0.02 - 1e-9
+    assert not certificate.passed
+
+
+def test_wrong_radius_of_an_arc_is_found():
+    moves = program([((20, 0), 50, ((0, 0), 2 * np.pi))], start=(20, 0))
+    trajectory = plan(moves, MACHINE)
+    bent = dataclasses.replace(trajectory, sine=trajectory.sine * 1.001)
+    assert certify(bent, moves, MACHINE).deviation >= 0.02 - 1e-9
+
+
+def test_jumps_are_found():
+    trajectory = plan(CORNER, MACHINE)
+    law = trajectory.law.copy()
+    law[1, 1] += 0.5
+    law[2, 0] += 0.25
+    certificate = certify(dataclasses.replace(trajectory, law=law), CORNER, MACHINE)
+    assert certificate.velocity_jump >= 0.5 - 1e-6
+    assert certificate.position_jump >= 0.25 - 1e-6
+
+
+def test_chord_across_more_than_the_tolerance_is_found():
+    # a straight line from 0 to 20 mm, certified against a path with a bump of 0.3 mm between
+    straight = program([((10, 0), 50), ((20, 0), 50)], tolerance=0.1)
+    bump = program([((10, 0.3), 50), ((20, 0), 50)], tolerance=0.1)
+    trajectory = plan(program([((20, 0), 50)]), MACHINE)
+    trajectory = dataclasses.replace(trajectory, move=np.ones(1, np.int32))
+    assert certify(trajectory, straight, MACHINE).deviation == pytest.approx(0, abs=1e-9)
+    certificate = certify(trajectory, bump, MACHINE)
+    assert (certificate.deviation, certificate.path.ratio) == pytest.approx((0.3, 3))
+
+
+def test_chord_may_not_replace_a_path_that_runs_back():
+    there_and_back = program([((15, 0), 50), ((5, 0), 50), ((20, 0), 50)], tolerance=0.1)
+    trajectory = plan(program([((20, 0), 50)]), MACHINE)
+    trajectory = dataclasses.replace(trajectory, move=np.full(1, 2, np.int32))
+    assert not certify(trajectory, there_and_back, MACHINE).passed
+
+
+def test_unknown_shapes_are_refused():
+    trajectory = plan(CORNER, MACHINE)
+    with pytest.raises(UsageError, match="constant acceleration"):
+        certify(dataclasses.replace(trajectory, law=trajectory.law + 1), CORNER, MACHINE)
+    with pytest.raises(UsageError, match="4 coordinates"):
+        certify(trajectory.mapped(MACHINE.motor_matrix()), CORNER, MACHINE)

@@ -1,0 +1,327 @@
+"""Planned trajectories: times by hand arithmetic, promises on random and real programs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pulsewright.errors import MotionLimitError
+from pulsewright.motion.certificate import certify
+from pulsewright.motion.gcode import InterpreterSettings, interpret
+from pulsewright.motion.machine import Machine
+from pulsewright.motion.moves import MoveKind, Moves, Plane
+from pulsewright.motion.plan import begin_times, plan
+
+MACHINE = Machine.default()  # X, Y, Z: 60 mm/s, 500 mm/s^2; A: 180 degrees/s, 1000 degrees/s^2
+
+
+def program(steps, *, start=(0, 0, 0), tolerance=0.01):
+    """Return moves from tuples (end, feed); feed None is a rapid; floats are dwells.
+
+    A third entry (center, sweep) makes an arc in XY.
+    """
+    position = np.zeros(6)
+    position[: len(start)] = start
+    columns = {name: [] for name in ("kind", "rapid", "end", "center", "sweep", "feed", "dwell")}
+    begin = position.copy()
+    for step in steps:
+        kind, center, sweep, feed, dwell = MoveKind.LINE, np.zeros(3), 0.0, 0.0, 0.0
+        if isinstance(step, float):
+            kind, dwell = MoveKind.DWELL, step
+        else:
+            position = position.copy()
+            position[: len(step[0])] = step[0]
+            feed = math.inf if step[1] is None else step[1]
+            if len(step) > 2:
+                kind, sweep = MoveKind.ARC, step[2][1]
+                center[:2] = step[2][0]
+        row = (kind, math.isinf(feed), position, center, sweep, feed, dwell)
+        for column, value in zip(columns.values(), row, strict=True):
+            column.append(value)
+    n = len(columns["kind"])
+    limits = np.zeros(n)
+    limits[:] = tolerance
+    return Moves(
+        start=begin,
+        kind=np.array(columns["kind"], np.int8),
+        plane=np.full(n, Plane.XY, np.int8),
+        rapid=np.array(columns["rapid"], bool),
+        line=np.arange(1, n + 1, dtype=np.int32),
+        end=np.array(columns["end"], float).reshape(n, 6),
+        center=np.array(columns["center"], float).reshape(n, 3),
+        sweep=np.array(columns["sweep"], float),
+        feed=np.array(columns["feed"], float),
+        dwell=np.array(columns["dwell"], float),
+        tolerance=limits,
+    )
+
+
+def planned(moves, machine=MACHINE):
+    """Plan, and insist on every promise."""
+    trajectory = plan(moves, machine)
+    certificate = certify(trajectory, moves, machine)
+    assert certificate.passed, certificate.text()
+    assert (np.diff(trajectory.element) >= 0).all()
+    assert (np.diff(trajectory.start) >= 0).all()
+    return trajectory
+
+
+def test_long_move_is_a_trapezoid():
+    # 50 mm/s reached after 0.1 s and 2.5 mm: 0.1 + 95/50 + 0.1 s
+    trajectory = planned(program([((100, 0), 50)]))
+    assert trajectory.duration == pytest.approx(2.1, rel=1e-6)
+    assert len(trajectory.law) == 3
+    assert trajectory.at(0.1)[0, 0] == pytest.approx(2.5, rel=1e-6)
+    assert trajectory.at(1.0, 1)[0, 0] == pytest.approx(50)
+    assert trajectory.at(0.05, 2)[0, 0] == pytest.approx(500, rel=1e-6)
+    assert trajectory.at(2.05, 2)[0, 0] == pytest.approx(-500, rel=1e-6)
+    assert trajectory.at(9.0)[0].tolist() == [100, 0, 0, 0, 0, 0]
+
+
+def test_short_move_is_a_triangle():
+    # 2 mm at 500 mm/s^2: 2 sqrt(2 / 500) s, at most sqrt(500 * 2) = 31.6 mm/s
+    trajectory = planned(program([((2, 0), 50)]))
+    assert trajectory.duration == pytest.approx(2 * math.sqrt(2 / 500), rel=1e-6)
+    assert len(trajectory.law) == 2
+
+
+def test_rapid_uses_both_axes_to_their_limits():
+    # along the diagonal each axis does 60 mm/s after 0.12 s and 3.6 mm
+    trajectory = planned(program([((90, 90), None)]))
+    assert trajectory.duration == pytest.approx(0.24 + (90 - 7.2) / 60, rel=1e-6)
+
+
+def test_slow_axis_limits_a_mixed_move():
+    # 10 mm while A turns 180 degrees: A does 180 degrees/s after 0.18 s, X follows at 10 mm/s
+    trajectory = planned(program([((10, 0, 0, 180), 50)]))
+    assert trajectory.duration == pytest.approx(1 + 0.18, rel=1e-6)
+
+
+def test_rotary_feed_is_in_degrees():
+    # 90 degrees/s after 0.09 s
+    trajectory = planned(program([((0, 0, 0, 180), 90)]))
+    assert trajectory.duration == pytest.approx(2 + 0.09, rel=1e-6)
+
+
+def test_zero_tolerance_stops_in_every_corner():
+    square = [((100, 0), 50), ((100, 100), 50), ((0, 100), 50), ((0, 0), 50)]
+    trajectory = planned(program(square, tolerance=0))
+    assert trajectory.duration == pytest.approx(4 * 2.1, rel=1e-6)
+    for corner, end in enumerate([(100, 0), (100, 100), (0, 100), (0, 0)], start=1):
+        assert trajectory.at(2.1 * corner)[0, :2] == pytest.approx(end, abs=1e-4)
+
+
+def test_square_corner_is_a_parabola_of_the_allowed_size():
+    # |e2 - e1| = sqrt 2: d = 4 * 0.1 / sqrt 2. On X, x'' = 1 / 2d: v^2 = 500 * 2d in the corner.
+    # The side between is 100 - 2d; it takes all the acceleration down to v.
+    d, tolerance = 0.4 / math.sqrt(2), 0.1
+    v = math.sqrt(1000 * d)
+    trajectory = planned(program([((100, 0), 50), ((100, 100), 50)], tolerance=tolerance))
+    side = 50 / 500 + (50 - v) / 500
+    side += (100 - d - 2.5 - (2500 - v * v) / 1000) / 50
+    assert trajectory.duration == pytest.approx(2 * side + 2 * d / v, rel=1e-6)
+    corner = trajectory.at(trajectory.duration / 2)[0, :2]
+    assert math.dist(corner, (100, 0)) == pytest.approx(tolerance, rel=1e-6)
+
+
+def test_straight_continuation_keeps_its_speed():
+    trajectory = planned(program([((40, 0), 50), ((100, 0), 50)]))
+    assert trajectory.duration == pytest.approx(2.1, rel=1e-6)
+
+
+def test_feed_changes_before_and_after_the_corner_of_a_straight_line():
+    # 50 mm/s, then 20 mm/s: slows down on the fast move. 0.1 s up, 0.06 s down to 20 over 2.1 mm.
+    trajectory = planned(program([((50, 0), 50), ((100, 0), 20)]))
+    fast = 0.1 + (50 - 2.5 - 2.1) / 50 + 0.06
+    slow = (50 - 0.4) / 20 + 0.04
+    assert trajectory.duration == pytest.approx(fast + slow, rel=1e-6)
+
+
+def test_reversal_stops():
+    trajectory = planned(program([((100, 0), 50), ((0, 0), 50)], tolerance=1.0))
+    assert trajectory.duration == pytest.approx(4.2, rel=1e-6)
+    assert trajectory.at(2.1)[0, 0] == pytest.approx(100, abs=1e-4)
+
+
+def test_dwell_rests_where_it_stands():
+    trajectory = planned(program([((10, 0), 50), 0.25, ((20, 0), 50)], tolerance=1.0))
+    # 10 mm: 0.1 s up and down over 5 mm, 5 mm at 50 mm/s
+    assert trajectory.duration == pytest.approx(0.3 + 0.25 + 0.3, rel=1e-6)
+    assert trajectory.at([0.35, 0.5], 0)[:, 0] == pytest.approx([10, 10])
+    assert begin_times(trajectory, 3) == pytest.approx([0, 0.3, 0.55, 0.85], rel=1e-6)
+
+
+def test_programs_without_motion():
+    assert plan(program([]), MACHINE).duration == 0
+    assert plan(program([]), MACHINE).at(1.0).tolist() == [[0] * 6]
+    trajectory = planned(program([0.5, 0.25], start=(1, 2, 3)))
+    assert trajectory.duration == 0.75
+    assert trajectory.at(0.6).tolist() == [[1, 2, 3, 0, 0, 0]]
+    still = planned(program([((1, 2, 3), 10)], start=(1, 2, 3)))
+    assert (still.duration, still.at(0.0).tolist()) == (0, [[1, 2, 3, 0, 0, 0]])
+
+
+def test_full_circle_at_moderate_feed_takes_its_circumference():
+    # v^2 / r = 20 mm/s^2 leaves nearly all acceleration: 0.04 s up and down
+    arc = program([((20, 0), 20, ((0, 0), 2 * math.pi))], start=(20, 0))
+    assert planned(arc).duration == pytest.approx(40 * math.pi / 20 + 0.04, rel=1e-4)
+
+
+def test_helix_ends_at_its_height():
+    arc = program([((20, 0, 5), 20, ((0, 0), 4 * math.pi))], start=(20, 0))
+    length = math.hypot(80 * math.pi, 5)
+    trajectory = planned(arc)
+    assert trajectory.duration == pytest.approx(length / 20 + 0.04, rel=1e-3)
+    assert trajectory.at(trajectory.duration / 2)[0, 2] == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("chords", [100, 1000, 20_000])
+def test_chorded_circle_is_driven_like_a_circle(chords):
+    # feed far above the limits: each axis may do 60 mm/s, r = 20 mm needs 180 of 500 mm/s^2
+    angle = np.linspace(0, 2 * np.pi, chords + 1)[1:]
+    steps = [((20 * math.cos(a), 20 * math.sin(a)), 60) for a in angle]
+    chorded = planned(program(steps, start=(20, 0)))
+    around = 40 * math.pi / 60 + 60 / 500
+    assert chorded.duration <= 1.02 * around
+    circle = planned(program([((20, 0), 60, ((0, 0), 2 * math.pi))], start=(20, 0)))
+    assert circle.duration == pytest.approx(around, rel=0.02)
+
+
+def test_noise_of_rounded_chords_does_not_slow_the_machine_down():
+    # a circle in chords of 0.016 mm, rounded to 0.0001 inch: corners of up to 0.2 rad
+    angle = np.linspace(0, 2 * np.pi, 10_001)[1:]
+    points = np.round(np.column_stack([np.cos(angle), np.sin(angle)]), 4) * 25.4
+    moves = program([(point, 60) for point in points], start=(25.4, 0))
+    trajectory = planned(moves)
+    assert trajectory.duration <= 1.1 * (25.4 * 2 * math.pi / 60 + 0.12)
+
+
+def test_slow_chords_are_left_as_they_are():
+    angle = np.linspace(0, np.pi, 101)[1:]
+    points = np.column_stack([np.cos(angle), np.sin(angle)])
+    trajectory = planned(program([(point, 1) for point in points], start=(1, 0)))
+    assert set(trajectory.move) == set(range(100))
+
+
+def test_element_belongs_to_a_move_and_blend_to_the_move_before_its_corner():
+    trajectory = planned(program([((10, 0), 50), ((10, 10), 50), ((0, 10), 50)]))
+    assert trajectory.move.tolist() == [0, 0, 1, 1, 2]
+
+
+def test_move_between_two_large_blends_does_not_vanish():
+    # the second move is short and continues straight; a blend of 1 mm would swallow it whole
+    steps = [((10, 0), 60), ((10, 0.1), 60), ((10, 20), 5)]
+    trajectory = planned(program(steps, tolerance=1.0))
+    assert set(trajectory.move) == {0, 1, 2}
+
+
+def test_travel_is_checked():
+    with pytest.raises(MotionLimitError, match="line 1: X reaches 401 mm"):
+        plan(program([((401, 0), 50)]), MACHINE)
+
+
+def test_long_programs_do_not_drift():
+    # 10 000 moves of 0.25 mm with stops: 2 sqrt(0.25 / 500) s each
+    steps = [((0.25 * (n % 2), 0), 50) for n in range(1, 10_001)]
+    trajectory = planned(program(steps, tolerance=0))
+    assert trajectory.duration == pytest.approx(1e4 * 2 * math.sqrt(0.25 / 500), rel=1e-6)
+
+
+def random_program(seed):
+    """Return up to 60 moves of every kind, of sizes from 1e-5 to 30 mm, some of them degenerate."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 60))
+    size = 10 ** rng.uniform(-5, 1.5)
+    kind, plane = np.zeros(n, np.int8), np.full(n, Plane.XY, np.int8)
+    center, sweep, dwell = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+    end = np.zeros((n, 6))
+    x, heading = np.zeros(6), rng.normal(size=3)
+    for i in range(n):
+        choice = rng.integers(8)
+        if choice == 0:
+            x[:3] += rng.normal(0, size, 3)
+        elif choice == 1:
+            x[rng.integers(4)] += rng.normal(0, size)
+        elif choice in (2, 3):
+            heading += rng.normal(0, 0.1, 3)
+            x[:3] += heading * size
+        elif choice == 4:
+            x[:4] += rng.normal(0, size, 4)
+        elif choice == 5:
+            kind[i], dwell[i] = MoveKind.DWELL, rng.choice([0, 0.5])
+        elif choice == 6:
+            kind[i], plane[i] = MoveKind.ARC, rng.integers(3)
+            first, second = Plane(plane[i]).axes
+            arm = rng.normal(0, size, 2)
+            turn = rng.choice([-1, 1]) * rng.choice([rng.uniform(0.01, 6), np.pi / 2, 4 * np.pi])
+            center[i, [first, second]] = x[[first, second]] - arm
+            stretch = 1 + rng.choice([0, 1e-3])
+            cos, sin = math.cos(turn) * stretch, math.sin(turn) * stretch
+            x[first] = center[i, first] + arm[0] * cos - arm[1] * sin
+            x[second] = center[i, second] + arm[0] * sin + arm[1] * cos
+            x[plane[i]] += rng.choice([0, size])
+            sweep[i] = turn
+        end[i] = x
+        x = x.copy()
+    rapid = rng.random(n) < 0.1
+    tolerance = rng.choice([0, 1e-3, 0.01, 0.1, 1, 10], n)
+    if rng.random() < 0.5:
+        tolerance[:] = 0.05
+    feed = rng.uniform(1, 100, n) if rng.random() < 0.5 else np.full(n, 50.0)
+    line = np.arange(1, n + 1, dtype=np.int32)
+    columns = kind, plane, rapid, line, end, center, sweep, feed, dwell, tolerance
+    return Moves(np.zeros(6), *columns)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_every_promise_is_kept_on_random_programs(seed):
+    moves = random_program(seed)
+    wide = MACHINE.model_copy(
+        update={
+            "axis": {
+                letter: axis.model_copy(update={"min": -1e6, "max": 1e6})
+                for letter, axis in MACHINE.axis.items()
+            }
+        }
+    )
+    trajectory = planned(moves, wide)
+    assert math.isfinite(trajectory.duration)
+    # the certificate's bounds, sampled
+    time = np.linspace(0, trajectory.duration, 2000)
+    rows, velocity, acceleration = wide.limit_rows()
+    assert (np.abs(trajectory.at(time, 1) @ rows.T) <= velocity).all()
+    assert (np.abs(trajectory.at(time, 2) @ rows.T) <= acceleration).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "slowest"),  # against length over feed, where no corner needs braking: 1.02
+    [
+        ("arcspiral.ngc", 1.02),
+        ("cds.ngc", 1.05),
+        ("circle_small_segments_ncd.ngc", 1.25),
+        ("tiger.nc", 1.05),
+        ("trochoidal.ngc", 1.1),
+        ("wave.gcode", 1.02),
+        ("wheels.ngc", 1.4),
+        ("3D_Chips.ngc", 1.5),
+        ("vcarve.ngc", 1.5),
+        ("tort.ngc", math.inf),
+        ("zigzag_0.002_0.001.ngc", math.inf),
+    ],
+)
+def test_promises_and_speed_on_real_programs(corpus, name, slowest):
+    tolerances = {"path_tolerance": 0.01, "exact_tolerance": 0.0003}
+    moves = interpret(corpus / name, settings=InterpreterSettings(axes="XYZ", **tolerances)).moves
+    trajectory = planned(moves)
+    delta = (moves.end - moves.starts())[:, :3]
+    length = np.linalg.norm(delta, axis=1)  # of the chords of arcs
+    with np.errstate(invalid="ignore"):
+        along = np.abs(delta / length[:, None]).max(axis=1)
+        ideal = np.nansum(length / np.minimum(moves.feed, 60 / along))
+    assert ideal <= 1.2 * trajectory.duration
+    assert trajectory.duration <= slowest * ideal

@@ -13,7 +13,6 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pulsewright.boards.pluto_step.registers import (
@@ -62,6 +61,7 @@ from pulsewright.boards.pluto_step.twin_stepgen import (
 from pulsewright.transport.bus import ADDRESS_READ, ADDRESS_WRITE, DATA_READ, DATA_WRITE
 from pulsewright.twin import epp
 from pulsewright.twin.clock import NEVER, ticks_through
+from pulsewright.twin.kernel import inlined, kernel
 from pulsewright.twin.recorder import RESERVE, Rows, drive
 
 AXES: Final = len(W_VELOCITY)
@@ -133,28 +133,28 @@ class State(NamedTuple):
     rows: Rows
 
 
-# ---------------------------------------------------------------------------------------- axes, pins
+# --------------------------------------------------------------------------------------- axes, pins
 
 
-@njit(cache=True)
+@inlined
 def bit(value: int, n: int) -> int:
     """Return bit ``n`` of ``value``."""
     return (value >> n) & 1
 
 
-@njit(cache=True)
+@inlined
 def tap_of(timing: int) -> int:
     """Return the tap of a timing word."""
     return (timing & W_TIMING_TAP_MASK) >> W_TIMING_TAP_LSB
 
 
-@njit(cache=True)
+@inlined
 def stops(board: Any) -> bool:
     """Tell whether the expired watchdog makes all velocities count as 0."""
     return board.tristate == 1 and (board.control & W_CONTROL_WATCHDOG_STOP_MASK) != 0
 
 
-@njit(cache=True)
+@inlined
 def advance_axis(s: State, i: int, cycle: int, reserve: int) -> bool:
     """Run one axis through the ticks up to ``cycle``; False if a buffer is full."""
     board, axis = s.board[0], s.axes[i]
@@ -177,16 +177,16 @@ def advance_axis(s: State, i: int, cycle: int, reserve: int) -> bool:
     return advance(axis, end, velocity, timing, board.origin, s.rows, pins, reserve)
 
 
-@njit(cache=True)
+@kernel
 def advance_all(s: State, cycle: int, reserve: int) -> bool:
     """Run all axes through the ticks up to ``cycle``; False if a buffer is full."""
+    done = True
     for i in range(AXES):
-        if not advance_axis(s, i, cycle, reserve):
-            return False
-    return True
+        done = advance_axis(s, i, cycle, reserve) and done
+    return done
 
 
-@njit(cache=True)
+@kernel
 def drive_pins(s: State, cycle: int) -> None:
     """Bring all pins that can be high-Z to what the registers say; they count as 0 while high-Z."""
     board, rows = s.board[0], s.rows
@@ -201,7 +201,7 @@ def drive_pins(s: State, cycle: int) -> None:
     drive(rows, TRISTATE_ROW, board.tristate, cycle)
 
 
-@njit(cache=True)
+@kernel
 def drive_bus(s: State, cycle: int) -> None:
     """Bring the bus to what the strobe pipeline and the host's nWrite say."""
     board, rows = s.board[0], s.rows
@@ -218,7 +218,7 @@ def drive_bus(s: State, cycle: int) -> None:
 # ----------------------------------------------------------------------------------------- watchdog
 
 
-@njit(cache=True)
+@kernel
 def arm_watchdog(s: State, cycle: int) -> None:
     """Start the watchdog's time again, and show the pins; axes must stand at ``cycle``."""
     board = s.board[0]
@@ -231,7 +231,7 @@ def arm_watchdog(s: State, cycle: int) -> None:
         drive_pins(s, cycle)
 
 
-@njit(cache=True)
+@kernel
 def expire_watchdog(s: State, cycle: int) -> None:
     """Make the pins high-Z; axes must stand at ``cycle``."""
     s.board[0].tristate = 1
@@ -241,13 +241,13 @@ def expire_watchdog(s: State, cycle: int) -> None:
 # ---------------------------------------------------------------------------------------- registers
 
 
-@njit(cache=True)
+@inlined
 def bus_byte(board: Any) -> int:
     """Return the byte that a read sees, with the address already incremented."""
     return (board.latch >> (8 * ((board.address - 1) & 3))) & 0xFF
 
 
-@njit(cache=True)
+@kernel
 def load_latch(s: State, cycle: int) -> None:
     """Load the read latch from the address register; axes must stand at ``cycle``."""
     board = s.board[0]
@@ -270,7 +270,7 @@ def load_latch(s: State, cycle: int) -> None:
         board.latch = ticks & R_TICKS_VALUE_MASK
 
 
-@njit(cache=True)
+@inlined
 def write_byte(s: State, value: int, cycle: int, reserve: int) -> bool:
     """Write a byte at the address register, at edge ``cycle``; False if a buffer is full.
 
@@ -305,7 +305,7 @@ def write_byte(s: State, value: int, cycle: int, reserve: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@inlined
 def write_velocity(s: State, i: int, word: int, cycle: int, reserve: int) -> bool:
     """Commit a velocity; False if a buffer is full."""
     axis = s.axes[i]
@@ -319,7 +319,7 @@ def write_velocity(s: State, i: int, word: int, cycle: int, reserve: int) -> boo
     return True
 
 
-@njit(cache=True)
+@kernel
 def write_outputs(s: State, word: int, cycle: int, reserve: int) -> bool:
     """Commit outputs and watchdog arm, and staged velocities; False if a buffer is full."""
     board = s.board[0]
@@ -341,7 +341,7 @@ def write_outputs(s: State, word: int, cycle: int, reserve: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def write_timing(s: State, word: int, cycle: int, reserve: int) -> bool:
     """Commit times, tap and polarity; False if a buffer is full."""
     board = s.board[0]
@@ -368,7 +368,7 @@ def write_timing(s: State, word: int, cycle: int, reserve: int) -> bool:
 # -------------------------------------------------------------------------------------------- reset
 
 
-@njit(cache=True)
+@kernel
 def enter_reset(s: State, cycle: int) -> None:
     """Set every register to 0 after the edge ``cycle`` and hold it there.
 
@@ -386,13 +386,13 @@ def enter_reset(s: State, cycle: int) -> None:
     drive_pins(s, cycle)
 
 
-@njit(cache=True)
+@kernel
 def leave_reset(s: State, cycle: int) -> None:
     """Start the board; the edge ``cycle`` is its edge 0."""
     s.board[0].in_reset, s.board[0].origin = 0, cycle
 
 
-@njit(cache=True)
+@kernel
 def set_ninit(s: State, level: int) -> None:
     """Bring nINIT to a level after the present edge; axes must have been run up to it."""
     board = s.board[0]
@@ -409,13 +409,13 @@ def set_ninit(s: State, level: int) -> None:
 # ------------------------------------------------------------------------------------- edge by edge
 
 
-@njit(cache=True)
+@inlined
 def strobe_active(board: Any) -> int:
     """Return 1 while one of the strobes is low."""
     return 1 if board.ndatastr == 0 or board.naddrstr == 0 else 0
 
 
-@njit(cache=True)
+@kernel
 def take_pins(s: State, cycle: int) -> None:
     """Bring the input pins to what the edge ``cycle`` samples."""
     board = s.board[0]
@@ -436,7 +436,7 @@ def take_pins(s: State, cycle: int) -> None:
             board.ninit = level
 
 
-@njit(cache=True)
+@kernel
 def next_event(s: State) -> int:
     """Return the first cycle after ``done`` at which something happens by itself."""
     board = s.board[0]
@@ -450,7 +450,7 @@ def next_event(s: State) -> int:
     return first
 
 
-@njit(cache=True)
+@kernel
 def act(s: State, cycle: int) -> None:
     """Do the action edge of a bus cycle; axes must stand before it."""
     board = s.board[0]
@@ -471,7 +471,7 @@ def act(s: State, cycle: int) -> None:
         board.byte = board.data if write else bus_byte(board)
 
 
-@njit(cache=True)
+@kernel
 def edge(s: State, cycle: int) -> bool:
     """Do everything that happens at one clock edge but the ticks; False if a buffer is full."""
     board = s.board[0]
@@ -495,7 +495,7 @@ def edge(s: State, cycle: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def run(s: State, cycle: int) -> bool:
     """Do all edges up to ``cycle``, axes excepted; False if a buffer is full."""
     board = s.board[0]
@@ -512,7 +512,7 @@ def run(s: State, cycle: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def run_all(s: State, cycle: int) -> bool:
     """Do all edges up to ``cycle``, axes included; False if a buffer is full."""
     return run(s, cycle) and advance_all(s, cycle, RESERVE)
@@ -521,7 +521,7 @@ def run_all(s: State, cycle: int) -> bool:
 # ------------------------------------------------------------------------------------- transactions
 
 
-@njit(cache=True)
+@kernel
 def unknown_op(accesses: Any) -> int:
     """Return the number of the first access with an unknown op, or the number of accesses."""
     for n in range(accesses.size):
@@ -531,7 +531,7 @@ def unknown_op(accesses: Any) -> int:
     return accesses.size
 
 
-@njit(cache=True)
+@kernel
 def transact(s: State, accesses: Any, first: int) -> int:
     """Carry out accesses from number ``first`` on; return the number of the first one not done.
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pulsewright.boards.pluto_step.registers import TICK_CYCLES, UNITS_PER_STEP
+from pulsewright.twin.kernel import inlined, kernel
 from pulsewright.twin.recorder import NEARLY_FULL, Rows, toggle
 
 STEP_BIT: Final = UNITS_PER_STEP.bit_length() - 1  # of the position, at tap 0
@@ -64,7 +64,7 @@ class Pins(NamedTuple):
     led: int
 
 
-@njit(cache=True)
+@inlined
 def places(rows: Rows, row: int, reserve: int) -> int:
     """Return how many edges a row can take so that ``reserve`` places stay free; many for none."""
     if row == NO_ROW:
@@ -72,7 +72,7 @@ def places(rows: Rows, row: int, reserve: int) -> int:
     return rows.pins[row].room - rows.pins[row].used - reserve
 
 
-@njit(cache=True)
+@inlined
 def append(rows: Rows, row: int, count: int) -> None:
     """Count ``count`` edges that were written to a row."""
     pin = rows.pins[row]
@@ -81,13 +81,13 @@ def append(rows: Rows, row: int, count: int) -> None:
         rows.full[0] = 1
 
 
-@njit(cache=True)
+@inlined
 def step_bit(position: int, tap: int) -> int:
     """Return the bit whose toggles are steps."""
     return (position >> (STEP_BIT + tap)) & 1
 
 
-@njit(cache=True)
+@inlined
 def pulse_or_space(axis: Any, bit: int, pends: bool, timing: Timing) -> bool:
     """Do what a tick does with an idle timer; return whether a pulse starts."""
     axis.timer = 0
@@ -105,7 +105,7 @@ def pulse_or_space(axis: Any, bit: int, pends: bool, timing: Timing) -> bool:
     return starts
 
 
-@njit(cache=True)
+@kernel
 def tick(axis: Any, velocity: int, timing: Timing) -> None:
     """Do one tick."""
     negative = 1 if velocity < 0 else 0
@@ -146,7 +146,7 @@ def tick(axis: Any, velocity: int, timing: Timing) -> None:
     axis.tick += 1
 
 
-@njit(cache=True)
+@inlined
 def train(axis: Any, first: int, over: int, speed: int, count: int, timing: Timing) -> int:
     """Advance over ``count`` pulses; return the ticks until the last one rises.
 
@@ -167,7 +167,7 @@ def train(axis: Any, first: int, over: int, speed: int, count: int, timing: Timi
     return last
 
 
-@njit(cache=True)
+@kernel
 def write_train(
     rows: Rows, row: int, cycle: int, over: int, speed: int, count: int, timing: Timing
 ) -> None:
@@ -176,21 +176,20 @@ def write_train(
     whole = unit // speed
     rest = unit - whole * speed
     width = (timing.step_time + 1) * TICK_CYCLES
-    short, extra = whole * TICK_CYCLES, TICK_CYCLES
+    short, long = whole * TICK_CYCLES, (whole + 1) * TICK_CYCLES
     cycles = rows.cycles
     at = rows.pins[row].first + rows.pins[row].used
     for _ in range(count):
         cycles[at] = cycle
         cycles[at + 1] = cycle + width
         at += 2
-        over -= rest
-        late = over >> 63  # -1 if one more tick is needed
-        over += speed & late
-        cycle += short + (extra & late)
+        late = over < rest  # one more tick is needed
+        over += speed - rest if late else -rest
+        cycle += long if late else short
     append(rows, row, 2 * count)
 
 
-@njit(cache=True)
+@kernel
 def copy_edges(rows: Rows, source: int, target: int, count: int) -> None:
     """Append the last ``count`` edges of one row to another row."""
     begin = rows.pins[source].first + rows.pins[source].used - count
@@ -200,7 +199,7 @@ def copy_edges(rows: Rows, source: int, target: int, count: int) -> None:
     append(rows, target, count)
 
 
-@njit(cache=True)
+@kernel
 def advance(
     axis: Any,
     end: int,
@@ -270,7 +269,11 @@ def advance(
                 break
             if first >= axis.space:
                 travel = (left - timing.step_time - 2) * speed
-                count = (travel - distance) // unit + 1 if travel >= distance else 0
+                count = (
+                    ((travel - distance) >> (STEP_BIT + timing.tap)) + 1
+                    if travel >= distance
+                    else 0
+                )
                 count = min(count, room // 2)
                 ran = first
                 if count > 0:

@@ -74,7 +74,9 @@ class PathCheck:
             compare_path(
                 tool,
                 self._before,
+                self._reference.runs.since[run],
                 self._reference.runs.move[run],
+                self._reference.runs.until[run],
                 self.quantum + ROUNDING + self._corner[run],
                 self.quantum,
                 cycle,

@@ -297,7 +297,9 @@ def move_distance2(
 def compare_path(
     position: Floats,
     before: Floats,
+    since: Ints,
     move: Ints,
+    until: Ints,
     allowed: Floats,
     near: float,
     cycle: int,
@@ -323,8 +325,9 @@ def compare_path(
         Tool at grid points ``cycle``, ``cycle + grid``, ...
     before : (6,) float64
         Tool at the grid point before; replaced by the last one.
-    move : (g,) int64
-        The move that the plan is in.
+    since, move, until : (g,) int64
+        First move that the plan may be in, last one before the next corner, and last one that the
+        blend of that corner may reach; the plan may stand for many moves at once.
     allowed : (g,) float64
         Largest distance allowed.
     near : float
@@ -352,12 +355,16 @@ def compare_path(
         reach = 4.0 * allowed[g]
         for way in (1, -1):
             gone, i = 0.0, m + way
-            while 0 <= i < n and abs(i - m) <= REACH_MOVES:
-                far = abs(i - m) > ENOUGH_NEIGHBOURS
-                if far and (gone > reach or best <= near * near):
+            while 0 <= i < n:
+                steps = i - until[g] if way == 1 else since[g] - i
+                if abs(i - m) > ENOUGH_NEIGHBOURS and (
+                    best <= near * near
+                    or (steps > ENOUGH_NEIGHBOURS and (gone > reach or steps > REACH_MOVES))
+                ):
                     break
                 best = min(best, move_distance2(p, i, first, begin, finish, normal, center, arc))
-                gone += length[i]
+                if steps > 0:
+                    gone += length[i]
                 i += way
         distance[g] = math.sqrt(best)
         if distance[g] > worst[0] * allowed[g]:

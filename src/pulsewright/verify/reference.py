@@ -137,7 +137,8 @@ class Runs:
 
     Attributes
     ----------
-    move : (r,) int64
+    since, move, until : (r,) int64
+        First and last move that the run stands for, and the last that its last blend may reach.
     start, end : (r,) float64
         [s]
     tolerance : (r,) float64
@@ -151,6 +152,8 @@ class Runs:
         move = plan.move[plan.element].astype(np.int64)
         first = np.flatnonzero(np.diff(move, prepend=-1))
         self.move = move[first]
+        self.since = np.append(0, self.move[:-1] + 1)
+        self.until = np.append(self.move[1:], self.move[-1])
         self.start = plan.start[:-1][first]
         self.end = np.append(self.start[1:], plan.duration)
         if not len(moves):

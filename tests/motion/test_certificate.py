@@ -71,6 +71,39 @@ def test_acceleration_inside_an_arc_is_found():
     assert certify(trajectory, moves, slow).acceleration[0].ratio >= 1.25
 
 
+def test_velocity_inside_a_cubic_is_found():
+    # x = s^3 - 1.5 s^2 at a steady 10 mm/s: x' = 3 s^2 - 3 s is 0 at both ends, -0.75 between
+    moves = program([((-0.5, 0), 100)])
+    cubic = dataclasses.replace(
+        plan(moves, MACHINE),
+        poly=np.array([[[0.0] * 6, [0.0] * 6, [-1.5] + [0.0] * 5, [1.0] + [0.0] * 5]]),
+        length=np.ones(1),
+        element=np.zeros(1, np.int32),
+        start=np.array([0, 0.1]),
+        law=np.array([[0, 10.0, 0, 0]]),
+    )
+    assert certify(cubic, moves, MACHINE).velocity[0].ratio == pytest.approx(7.5 / 60)
+
+
+def test_acceleration_inside_a_cubic_is_found():
+    # x = s^3 - 2.5 s^2 from rest at 100 mm/s^2: b = 200 s, x'' b + 100 x' = 1500 (s^2 - s), which
+    # is 0 at both ends and -375 mm/s^2 between; x' v is most at s = 1, 2 sqrt(200) mm/s
+    moves = program([((-1.5, 0), 100)])
+    trajectory = plan(moves, MACHINE)
+    cubic = dataclasses.replace(
+        trajectory,
+        poly=np.array([[[0.0] * 6, [0.0] * 6, [-2.5] + [0.0] * 5, [1.0] + [0.0] * 5]]),
+        length=np.ones(1),
+        element=np.zeros(1, np.int32),
+        start=np.array([0, np.sqrt(0.02)]),
+        law=np.array([[0, 0, 50.0, 0]]),
+    )
+    certificate = certify(cubic, moves, MACHINE)
+    assert certificate.acceleration[0].ratio == pytest.approx(375 / 500)
+    assert certificate.velocity[0].ratio == pytest.approx(2 * np.sqrt(200) / 60)
+    assert not certificate.passed
+
+
 def test_tighter_tolerance_is_violated():
     certificate = certify(plan(CORNER, MACHINE), changed(tolerance=CORNER.tolerance / 2), MACHINE)
     assert certificate.path.ratio == pytest.approx(2)

@@ -100,7 +100,7 @@ def highest_entry(
         du, dv = -y[j], x[j]
         if du < 0.0 or (du == 0.0 and dv < 0.0):
             du, dv = -du, -dv
-        first, last = -math.inf, math.inf
+        last = math.inf
         for i in range(-2, j):
             if i < 0:  # 0 <= u <= cap and 0 <= v <= exit_cap
                 rate, centre, reach = du, pu - 0.5 * cap, 0.5 * cap
@@ -109,7 +109,6 @@ def highest_entry(
             else:
                 rate, centre, reach = x[i] * du + y[i] * dv, x[i] * pu + y[i] * pv, limit[i]
             if abs(rate) > 1e-14 * math.sqrt(square):
-                first = max(first, (-centre - math.copysign(reach, rate)) / rate)
                 last = min(last, (-centre + math.copysign(reach, rate)) / rate)
         u, v = pu + last * du, pv + last * dv
     return min(max(u, 0.0), cap)

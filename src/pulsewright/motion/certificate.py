@@ -20,7 +20,7 @@ from pulsewright.motion.trajectory import Trajectory
 
 ROUNDING: Final = 1e-6  # allowed in positions, velocities and times [mm, degrees, s]
 STILL: Final = 1e-8  # motion shorter than this is none [mm, degrees]
-CHUNK: Final = 1 << 16  # pieces examined at once: bounds the memory
+CHUNK: Final = 1 << 13  # pieces examined at once: bounds the memory, fits the cache
 
 Floats = NDArray[np.float64]
 

@@ -66,9 +66,10 @@ class Trajectory:
 
         With rows of steps per unit this gives motor positions in steps.
         """
+        flat = self.poly.reshape(-1, self.axes) @ matrix.T  # one product of two matrices: fast
         return replace(
             self,
-            poly=np.ascontiguousarray(self.poly @ matrix.T),
+            poly=flat.reshape(len(self.poly), 4, len(matrix)),
             cosine=np.ascontiguousarray(self.cosine @ matrix.T),
             sine=np.ascontiguousarray(self.sine @ matrix.T),
         )

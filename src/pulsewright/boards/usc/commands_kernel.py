@@ -6,12 +6,12 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pulsewright.boards.usc import registers
 from pulsewright.boards.usc.burst import CONTROL_ACCESS, DIVISOR_ACCESS
 from pulsewright.motion.evaluate import coordinate, path_coordinate, piece_at
+from pulsewright.twin.kernel import inlined, kernel
 
 TICK_CYCLES: Final = registers.TICK_CYCLES
 SECONDS_PER_CYCLE: Final = 1.0 / registers.CLOCK_HZ
@@ -21,7 +21,7 @@ LONGEST_PERIOD: Final = (1 << 24) - 1 - 20_000
 BASE, PULSE, SETTLED, COUNT, DIRECTION, RUN, PIECE = range(7)  # columns of the state
 
 
-@njit(cache=True)
+@inlined
 def position(geometry: Any, law: Any, state: NDArray[np.int64], axis: int, cycles: int) -> float:
     """Return the planned position [step], ``cycles`` after time 0; at rest before and after."""
     poly, cosine, sine, omega = geometry
@@ -33,7 +33,7 @@ def position(geometry: Any, law: Any, state: NDArray[np.int64], axis: int, cycle
     return coordinate(poly, cosine, sine, omega, element[k], axis, s)
 
 
-@njit(cache=True)
+@kernel
 def convert(
     geometry: Any,
     law: Any,

@@ -239,6 +239,9 @@ class DynamicsCheck:
     def _check(
         self, name: str, title: str, unit: str, peak: _Peak, where: str, detail: str
     ) -> Check:
+        # what never moves is nowhere at its fastest
+        cycle = self._reference.start + float(peak.point) * self._reference.grid
+        place = self._reference.place(cycle) if peak.value else {}
         return Check(
             name,
             title,
@@ -249,9 +252,7 @@ class DynamicsCheck:
             peak.ratio <= 1.0,
             where=where,
             detail=detail,
-            **self._reference.place(
-                self._reference.start + float(peak.point) * self._reference.grid
-            ),
+            **place,
         )
 
     def sample(self) -> PathSample:

@@ -104,7 +104,7 @@ class StopCheck:
                 wrong,
                 held,
                 standing,
-                f"{stops} standstills, {rule}, and the time before the program",
+                f"standstills: {stops}, {rule}; and the time before the program",
             ),
             self._turn_check(approach, passed),
             self._exact_check(

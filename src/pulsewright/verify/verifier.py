@@ -294,7 +294,8 @@ class Verifier:
                     "least",
                     short == 0,
                     where=self._reference.motors[worst.motor].step,
-                    detail=f"{short} times shorter than the drive's data sheet demands"
+                    detail="demanded by the drives' data sheet"
+                    + (f"; {short} times shorter" if short else "")
                     + ("; never happened" if never else ""),
                     **({} if worst.cycle is None else self._reference.place(worst.cycle)),
                 )

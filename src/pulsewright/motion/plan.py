@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Certificate", "begin_times", "certify", "plan"]
 
-MARGIN = 1e-7  # of the limits, for rounding on the shortest pieces
+MARGIN = 1e-7  # of feeds and limits, for rounding on the shortest pieces and in late times
 
 
 def plan(moves: Moves, machine: Machine) -> Trajectory:
@@ -71,7 +71,7 @@ def _blended(
             moves.end,
             moves.center,
             moves.sweep,
-            np.where(moves.rapid, np.inf, moves.feed),
+            np.where(moves.rapid, np.inf, moves.feed * (1 - MARGIN)),
             moves.dwell,
         )
         segments = path.traced(*columns, kept, tolerance, limits)

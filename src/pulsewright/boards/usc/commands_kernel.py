@@ -103,7 +103,7 @@ def convert(
                         period = earliest - base + 1
                 period = max(period, shortest)
             elif change != 0.0 and phase * LONGEST_PERIOD > elapsed:
-                period = max(int(math.ceil(elapsed / phase)), elapsed + 1)
+                period = max(math.ceil(elapsed / phase), elapsed + 1)
 
             if period > LONGEST_PERIOD:
                 state[i, RUN] = 0

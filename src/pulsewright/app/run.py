@@ -17,7 +17,7 @@ from pulsewright.edges.path import numbered_pins
 from pulsewright.edges.timing import DriveTiming
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.edges.writer import TraceWriter
-from pulsewright.errors import CheckFailedError, UsageError
+from pulsewright.errors import CheckFailedError, MachineError, UsageError
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.gcode import InterpreterSettings, interpret
 from pulsewright.motion.machine import WORK_OFFSETS, Machine
@@ -163,7 +163,7 @@ class Job:
             name,
             link or machine.link.url,
             profile=profile or (settings.profile if own else None),
-            **(settings.options if own else {}),
+            **_switches(machine if own else None),
         )
         matrix = machine.motor_matrix()
         rows, velocity, acceleration = limits = machine.limit_rows()
@@ -323,7 +323,7 @@ class Result:
             worst = "-" if check.worst is None else f"{check.worst:.4g}"
             sign = "<=" if check.limit == "most" else ">="
             place = f"  line {check.line}" if check.line else ""
-            where = f" {check.where}" if check.where else ""
+            where = "" if check.where in check.title else f" {check.where}"
             lines.append(
                 f"  {'ok  ' if check.passed else 'FAIL'} {check.title}{where}: "
                 f"{worst} {sign} {check.bound:.4g} {check.unit}{place}"
@@ -376,6 +376,19 @@ def run_file(
         vcd=vcd,
         progress=progress,
     )
+
+
+def _switches(machine: Machine | None) -> dict[str, int]:
+    """Return the profile switches that a machine file sets."""
+    switches: dict[str, int] = {}
+    for name, value in (machine.board.options if machine else {}).items():
+        if not isinstance(value, int):
+            raise MachineError(
+                f"{value!r} given; profile switches are whole numbers, true or false",
+                key=f"board.options.{name}",
+            )
+        switches[name] = int(value)
+    return switches
 
 
 def _recorder(driver: Any, link: str) -> Any:

@@ -229,7 +229,8 @@ def _compiled(design: str, driver: str) -> Path:
         Path(build, "design.il").write_text(design)
         # Yosys sees a private /tmp, so it is given no absolute path.
         script = (
-            "read_rtlil design.il; hierarchy -top top; proc; flatten; opt; clean -purge; "
+            "read_rtlil design.il; hierarchy -top top; proc; flatten; opt; splitnets -driver; "
+            "clean -purge; "
             "write_cxxrtl -g0 design.cc"
         )
         _call([*yosys, "-q", "-p", script], build, "Yosys")

@@ -19,45 +19,63 @@ uint64_t level(const cxxrtl::wire<Bits> &signal) {
 
 //PORTS//
 
+// Outputs just after edge n are those that the design settles to before edge n + 1 while the inputs
+// stay. So one evaluation of a cycle gives both the outputs after the edge before it and the next
+// state, and only a change of inputs needs an evaluation of its own.
 struct Bench {
     cxxrtl_design::p_top top;
     int64_t cycle = 0;  // the next clock edge
     Inputs inputs{};
     Outputs outputs{};  // as last reported
+    bool sampled = true;  // the outputs after the edge before `cycle` have been looked at
     bool reported = false;
-    bool stale = true;  // inputs changed since the design settled
+
+    // Evaluates until nothing changes, without an edge.
+    void settle() {
+        top.p_clk = cxxrtl::value<1>{0u};
+        top.step();
+    }
+
+    // Writes a row to `out` if the outputs after the last edge differ from the row before.
+    int64_t sample_to(Outputs *out) {
+        sampled = true;
+        Outputs now{};
+        sample(top, now);
+        now.cycle = outputs.cycle;
+        if (reported && std::memcmp(&now, &outputs, sizeof now) == 0) return 0;
+        now.cycle = cycle - 1;
+        *out = outputs = now;
+        reported = true;
+        return 1;
+    }
+
+    // Settles after the last edge; returns the number of rows written, 0 or 1.
+    int64_t finish(Outputs *out) {
+        if (sampled) return 0;
+        settle();
+        return sample_to(out);
+    }
+
+    // Lets changed inputs act from the next edge on; `finish` comes first.
+    void change() {
+        apply(top, inputs);
+        settle();
+    }
+
+    // One clock edge; reports the outputs after the one before. Returns 0 or 1 rows.
+    int64_t edge(Outputs *out) {
+        int64_t rows = 0;
+        top.prev_p_clk = cxxrtl::value<1>{0u};
+        top.p_clk = cxxrtl::value<1>{1u};
+        bool settled = top.eval();
+        if (!sampled) rows = sample_to(out);
+        top.commit();
+        if (!settled) top.step();
+        cycle++;
+        sampled = false;
+        return rows;
+    }
 };
-
-// Outputs just after the edge, with the inputs of that edge still applied.
-void clock(Bench &bench) {
-    using bit = cxxrtl::value<1>;
-    if (bench.stale) {
-        apply(bench.top, bench.inputs);
-        bench.top.p_clk = bit{0u};
-        bench.top.step();
-        bench.stale = false;
-    }
-    // A low phase in which nothing changes need not be evaluated.
-    bench.top.prev_p_clk = bit{0u};
-    bench.top.p_clk = bit{1u};
-    bench.top.step();
-}
-
-// One cycle; true if it wrote a row to `out`.
-bool advance(Bench &bench, Outputs *out) {
-    clock(bench);
-    Outputs now{};
-    sample(bench.top, now);
-    now.cycle = bench.outputs.cycle;
-    bool changed = !bench.reported || std::memcmp(&now, &bench.outputs, sizeof now) != 0;
-    if (changed) {
-        now.cycle = bench.cycle;
-        *out = bench.outputs = now;
-        bench.reported = true;
-    }
-    bench.cycle++;
-    return changed;
-}
 
 }  // namespace
 
@@ -67,19 +85,22 @@ void *bench_new() { return new (std::nothrow) Bench; }
 void bench_delete(void *bench) { delete static_cast<Bench *>(bench); }
 int64_t bench_cycle(const void *bench) { return static_cast<const Bench *>(bench)->cycle; }
 
-// Runs up to edge `end`, not included, or until `space` rows are written. `*used` counts the rows of
-// stimulus that have been applied. Returns the number of rows written.
+// Runs up to edge `end`, not included, or until fewer than two of `space` rows are left. `*used`
+// counts the rows of stimulus that have been applied. Returns the number of rows written.
 int64_t bench_run(void *handle, int64_t end, const Inputs *stimulus, int64_t rows, int64_t *used,
                   Outputs *out, int64_t space) {
     Bench &bench = *static_cast<Bench *>(handle);
     int64_t written = 0;
-    while (bench.cycle < end && written < space) {
-        while (*used < rows && stimulus[*used].cycle <= bench.cycle) {
+    while (bench.cycle < end && space - written >= 2) {
+        if (*used < rows && stimulus[*used].cycle <= bench.cycle) {
+            written += bench.finish(out + written);
             bench.inputs = stimulus[(*used)++];
-            bench.stale = true;
+            bench.change();
+            continue;
         }
-        written += advance(bench, out + written);
+        written += bench.edge(out + written);
     }
+    if (bench.cycle >= end) written += bench.finish(out + written);
     return written;
 }
 

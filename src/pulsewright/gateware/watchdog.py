@@ -5,6 +5,8 @@ from __future__ import annotations
 from amaranth import Module, Signal
 from amaranth.lib.wiring import Component, In, Out
 
+from pulsewright.gateware.arithmetic import increment
+
 
 class Watchdog(Component):
     """Counter of ticks since the last feed.
@@ -40,5 +42,5 @@ class Watchdog(Component):
         with m.If(self.feed):
             m.d.sync += count.eq(0)
         with m.Elif(self.tick & ~self.expired):
-            m.d.sync += count.eq(count + 1)
+            m.d.sync += count.eq(increment(count))
         return m

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from usc_reference import DOCUMENT, LINUXCNC, Reference
 
 from pulsewright.boards.usc.twin import UscTwin
+from pulsewright.edges.trace import concatenate
 from pulsewright.transport.bus import EPP_ACCESS
 
 AXES = st.integers(0, 3)
@@ -30,6 +31,11 @@ SWITCHES = st.fixed_dictionaries(
         "base": st.integers(0, 6),
     },
 )
+KINDS = [
+    *("divisors", "divisors", "divisor", "control", "codes", "outputs", "release", "timer"),
+    *("encoders", "read", "any", "byte", "address", "din", "estop_in", "enc", "index"),
+    *("loopback", "cycle", "cycle", "reset", "ninit"),
+]
 
 
 def address(b, register):
@@ -40,13 +46,7 @@ def address(b, register):
 def commands(draw, board_count):
     """One thing that software does: a list of accesses, or a control command."""
     b = draw(st.integers(0, board_count - 1))
-    kind = draw(
-        st.sampled_from(
-            ["divisors", "divisors", "divisor", "control", "codes", "outputs", "release", "timer"]
-            + ["encoders", "read", "any", "byte", "address", "din", "estop_in", "enc", "index"]
-            + ["loopback", "cycle", "reset", "ninit"]
-        )
-    )
+    kind = draw(st.sampled_from(KINDS))
     if kind == "divisors":
         first = draw(AXES)
         data = [
@@ -135,21 +135,24 @@ def scenarios(draw):
         "profile": draw(st.sampled_from(["document", "linuxcnc"])),
         "boards": boards,
         "clock_hz": draw(st.sampled_from([10, 20, 40])) * 1_000_000,
-        "watchdog_us": draw(st.sampled_from([0, 0, 1, 3, 20, 10_000])),
+        "watchdog_us": draw(st.sampled_from([0, 0, 0, 3, 50, 10_000])),
         **draw(SWITCHES),
     }
     access_cycles = draw(st.sampled_from([1, 2, 7, 10, 60]))
-    steps = draw(st.lists(st.tuples(GAP, commands(boards)), min_size=1, max_size=25))
-    if draw(st.booleans()):  # most of the time a board that runs is more interesting
-        prelude = [address(0, 0x10), *[("W", d) for d in (9, 0, 0, 14, 0, 0)]]
-        prelude += [address(0, 0x1C), ("W", 0xFF), address(0, 0x1F), ("W", 0x80)]
+    steps = draw(st.lists(st.tuples(GAP, commands(boards)), min_size=1, max_size=30))
+    if draw(st.sampled_from([True, True, True, False])):  # boards that run are more interesting
+        prelude = []
+        for b in range(boards):
+            prelude += [address(b, 0x10), *[("W", d) for d in (9, 0, 0, 14, 0, 0)]]
+            prelude += [address(b, 0x1C), ("W", 0xFB), address(b, 0x1F), ("W", 0x80)]
+        prelude += [address(0, 0x04), ("W", draw(st.sampled_from([0x00, 0x11])))]
         steps.insert(0, (0, prelude))
     return options, access_cycles, steps, draw(input_changes(boards))
 
 
-def carry_out(options, access_cycles, steps, changes, portions=False):
+def carry_out(options, access_cycles, steps, changes, bus_pins=False, look=lambda twin: None):
     """Run a scenario on both models; return the twin, its trace and the reference."""
-    twin = UscTwin(access_cycles=access_cycles, **options)
+    twin = UscTwin(access_cycles=access_cycles, bus_pins=bus_pins, **options)
     reference = Reference(**{"base": 0, **options})
     base = options.get("base", 0)
     at = {}
@@ -160,6 +163,7 @@ def carry_out(options, access_cycles, steps, changes, portions=False):
         twin.schedule(cycles, pins, levels)
     now, last = 0, -access_cycles
     for gap, command in steps:
+        look(twin)
         now += gap
         if isinstance(command, list):
             accesses = np.zeros(len(command), EPP_ACCESS)
@@ -230,6 +234,9 @@ def assert_same(twin, reference, end, at):
         assert state["rate"] == list(r["N"])
         assert state["index_sense"] == r["sense"]
         assert state["assembly"] == r["assembly"]
+        assert state["address"] == next(
+            (x.r["address"] for x in reference.boards if x.selected()), state["address"]
+        )
         if board.p.watchdog_us:
             assert state["watchdog_left"] == r["watchdog"]
 
@@ -240,10 +247,113 @@ SETTINGS = {
 }
 
 
-@settings(max_examples=120, **SETTINGS)
+@st.composite
+def strobes(draw):
+    """Bus pins: legal EPP cycles, some with a flaw, and plain abuse. Changes by cycle."""
+    changes, cycle = {}, draw(st.integers(0, 9))
+
+    def put(at, **levels):
+        changes.setdefault(at, {}).update(levels)
+
+    for _ in range(draw(st.integers(1, 25))):
+        kind = draw(st.sampled_from(["address", "write", "read"] * 3 + ["mess", "ninit"]))
+        if kind == "mess":
+            for _ in range(draw(st.integers(1, 12))):
+                pin = draw(st.sampled_from(["nwrite", "ndatastr", "naddrstr", "data"]))
+                put(cycle, **{pin: draw(BYTE if pin == "data" else LEVEL)})
+                cycle += draw(st.integers(0, 4))
+            put(cycle, nwrite=1, ndatastr=1, naddrstr=1)
+            cycle += draw(st.integers(1, 12))
+        elif kind == "ninit":
+            put(cycle, ninit=0)
+            put(cycle + draw(st.sampled_from([1, 2, 5])), ninit=1)
+            cycle += draw(st.integers(1, 9))
+        else:
+            register = draw(st.sampled_from([0, 4, 0x0C, 0x0D, 0x0E, 0x10, 0x1C, 0x1D, 0x1F, 0x2C]))
+            data = (
+                register if kind == "address" else draw(st.one_of(BYTE, N.map(lambda n: n % 256)))
+            )
+            pin = "naddrstr" if kind == "address" else "ndatastr"
+            flaw = draw(st.sampled_from([None] * 6 + ["both", "short", "nwrite"]))
+            length = draw(st.integers(1, 2)) if flaw == "short" else draw(st.integers(3, 6))
+            put(cycle, nwrite=int(kind == "read"), data=data, **{pin: 0})
+            if flaw == "both":
+                put(cycle, ndatastr=0, naddrstr=0)
+            if flaw == "nwrite":
+                put(cycle + draw(st.integers(1, 4)), nwrite=draw(LEVEL))
+            put(cycle + length, ndatastr=1, naddrstr=1, nwrite=1)
+            cycle += length + draw(st.sampled_from([1, 2, 5, 5, 5, 30]))
+    return changes
+
+
+@st.composite
+def pin_scenarios(draw):
+    boards = draw(st.sampled_from([1, 1, 2]))
+    options = {
+        "profile": draw(st.sampled_from(["document", "linuxcnc"])),
+        "boards": boards,
+        "clock_hz": draw(st.sampled_from([10, 20, 40])) * 1_000_000,
+        "watchdog_us": draw(st.sampled_from([0, 0, 1, 5])),
+        "nwait_idle": draw(LEVEL),
+        **draw(SWITCHES),
+        "base": draw(st.sampled_from([0, 0, 1])),
+    }
+    prelude = draw(st.sampled_from([[], [(0x1F, 0x8F), (0x10, 9, 0, 0, 5, 0, 0), (0x1C, 0xFF)]]))
+    return options, prelude, draw(strobes()), draw(input_changes(boards))
+
+
+def carry_out_at_pins(options, prelude, bus, changes):
+    """As `carry_out`, but after a prelude of plain accesses the bus is driven by its pins."""
+    commands = [[("A", 0, first), *(("W", d) for d in data)] for first, *data in prelude]
+    twin, reference, _, _ = carry_out(options, 1, [(0, c) for c in commands], [], bus_pins=True)
+    start = twin.now + 1
+    at = {start + cycle: dict(levels) for cycle, levels in bus.items()}
+    for cycle, pin, level in changes:
+        at.setdefault(start + cycle, {})[pin] = level
+    events = [(cycle, pin, level) for cycle, pins in at.items() for pin, level in pins.items()]
+    twin.schedule(*zip(*events, strict=True))
+    return twin, reference, max(at) + 100, at
+
+
+@settings(max_examples=80, **SETTINGS)
 @given(scenarios())
 def test_transactions_match_the_reference(scenario):
     assert_same(*carry_out(*scenario))
+
+
+@settings(max_examples=80, **SETTINGS)
+@given(pin_scenarios())
+def test_pins_match_the_reference(scenario):
+    assert_same(*carry_out_at_pins(*scenario))
+
+
+@settings(max_examples=40, **SETTINGS)
+@given(scenarios(), st.lists(st.integers(0, 100), max_size=6))
+def test_portions_do_not_matter(scenario, cuts):
+    """Advancing, draining and looking in between changes nothing."""
+    traces = []
+
+    def look(twin):
+        twin.state()
+        traces.append(twin.drain())
+
+    whole, _, end, _ = carry_out(*scenario)
+    parts, _, _, _ = carry_out(*scenario, look=look)
+    for cut in sorted(cuts):
+        parts.advance(min(parts.now + cut, end))
+        look(parts)
+    for twin in (whole, parts):
+        twin.advance(end)
+    traces.append(parts.drain())
+    assert concatenate(traces) == whole.drain()
+    assert parts.state() == whole.state()
+
+
+@pytest.mark.campaign
+@settings(max_examples=20_000, **SETTINGS)
+@given(pin_scenarios())
+def test_pins_match_the_reference_campaign(scenario):
+    assert_same(*carry_out_at_pins(*scenario))
 
 
 @pytest.mark.campaign

@@ -21,6 +21,7 @@ DOCUMENT = {
 }  # fmt: skip
 LINUXCNC = {**DOCUMENT, "div_offset": 4, "time_code": 256, "min_space": 3}
 IDLE_BUS = {"nwrite": 1, "ndatastr": 1, "naddrstr": 1, "ninit": 1, "data": 0}
+AXIS_STATE = ("C", "step", "D", "w", "q", "h", "g")
 QUADRATURE = [(0, 0), (1, 0), (1, 1), (0, 1)]  # (A, B), counting up
 
 
@@ -61,8 +62,8 @@ class Board:
         self.decoded = dict(self.filtered)
         for pin, samples in self.samples.items():
             samples.append(self.seen[pin])
-            samples.pop(0)
-            if len(set(samples)) == 1:
+            del samples[0]
+            if samples.count(samples[0]) == len(samples):
                 self.filtered[pin] = samples[0]
 
     def read(self, register):
@@ -166,66 +167,41 @@ class Board:
         elif register == 0x1F:
             new["outputs"] = value
 
-    def due(self, old, i):
-        P = old["N"][i] + self.p.div_offset
-        return bool(self.active(old, i) and old["C"][i] + 1 >= P)
-
-    def active(self, old, i):
-        return bit(old["rate_control"], 2 * i + 1) and old["N"][i] != 0 and old["running"]
-
-    def starts(self, old, i):
-        ready = (
-            old["step"][i] == 0 and old["q"][i] == 0 and old["g"][i] == 0
-            and old["D"][i] == bit(old["rate_control"], 2 * i)
-        )  # fmt: skip
-        return ready and self.due(old, i)
-
     def tick(self, old, new):
         """Rate generator and pulse former, sections 4.3 and 4.4."""
         p = self.p
         W, S = self.code_ticks(old["width_code"]), self.code_ticks(old["setup_code"])
+        axes = []
         for i in range(4):
             want = bit(old["rate_control"], 2 * i)
-            step, D = old["step"][i], old["D"][i]
-            w, q, h, g = (old[name][i] for name in "wqhg")
-            C = old["C"][i]
-            if not self.active(old, i):
-                C = 0
-            elif self.starts(old, i):
-                C = 0
-            elif self.due(old, i):
-                pass
-            else:
-                C = C + 1
-            loaded = set()
-            if self.starts(old, i):
-                step, w = 1, W - 1
+            C, step, D, w, q, h, g = (old[name][i] for name in AXIS_STATE)
+            active = bit(old["rate_control"], 2 * i + 1) and old["N"][i] != 0 and old["running"]
+            P = old["N"][i] + p.div_offset
+            due = active and C + 1 >= P
+            ready = step == 0 and q == 0 and g == 0 and want == D
+            # rate generator
+            new_C = 0 if not active or (due and ready) else C if due else C + 1
+            # pulse former: the counters count down unless a row loads them
+            new_step, new_D, new_w = step, D, w
+            new_q, new_h, new_g = (
+                (max(0, q - 1), max(0, h - 1), max(0, g - 1)) if step == 0 else (q, h, g)
+            )
+            if due and ready:
+                new_step, new_w = 1, W - 1
                 self.pulses[i] += 1
-                self.steps[i] += 1 if old["D"][i] else -1
-            elif old["step"][i] == 1 and old["w"][i] > 0:
-                w = w - 1
-            elif old["step"][i] == 1:
-                step = 0
-                q, h = p.min_space - 1, S - 1
-                loaded = {"q", "h"}
+                self.steps[i] += 1 if D else -1
+            elif step == 1 and w > 0:
+                new_w = w - 1
+            elif step == 1:
+                new_step, new_q, new_h = 0, p.min_space - 1, S - 1
                 if p.mariss:
-                    D = want
-            elif old["h"][i] == 0 and old["D"][i] != want:
-                D = want
-                g = S - 1
-                loaded = {"g"}
-            if old["step"][i] == 0:
-                if old["q"][i] > 0 and "q" not in loaded:
-                    q = old["q"][i] - 1
-                if old["h"][i] > 0 and "h" not in loaded:
-                    h = old["h"][i] - 1
-                if old["g"][i] > 0 and "g" not in loaded:
-                    g = old["g"][i] - 1
+                    new_D = want
+            elif h == 0 and want != D:
+                new_D, new_g = want, S - 1
             if p.mariss:
-                h, g = 0, 0
-            values = {"step": step, "D": D, "w": w, "q": q, "h": h, "g": g, "C": C}
-            for name, value in values.items():
-                new[name] = with_item(new[name], i, value)
+                new_h, new_g = 0, 0
+            axes.append((new_C, new_step, new_D, new_w, new_q, new_h, new_g))
+        new |= zip(AXIS_STATE, zip(*axes, strict=True), strict=True)
 
     def encoders(self, old, new, clock, latch):
         """Section 4.1."""
@@ -302,6 +278,8 @@ class Reference:
     def record(self):
         """Note the changes of the cycle that ends, before the next edge."""
         levels = self.outputs()
+        if levels == self.levels:
+            return
         for pin, level in levels.items():
             if level != self.levels[pin]:
                 self.changes[pin].append(self.cycle)
@@ -350,9 +328,9 @@ class Reference:
             board.after["read_byte"] = board.read(register)
         elif board.selected() and address and not write:
             board.after["read_byte"] = board.r["address"]
-        if not address:
+        if not address and board.selected():
             board.after["address"] = board.r["address"] & 0xE0 | (board.r["address"] + 1) & 0x1F
-        elif write:
+        elif address and write:
             board.after["address"] = self.bus["data"]
         return act
 
@@ -385,7 +363,7 @@ class Reference:
         while self.cycle < cycle:
             self.edge((changes or {}).get(self.cycle + 1))
 
-    # --------------------------------------------------- between the edges: socket accesses, control
+    # ------------------------------------------------- between the edges: socket accesses, control
 
     def access(self, op, value=0):
         """An EPP access after the present edge. Return (byte, time-out)."""

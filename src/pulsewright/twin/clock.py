@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
+from pulsewright.twin.kernel import inlined
 
 NEVER: Final = 1 << 62  # a cycle that does not come
 
 
-@njit(cache=True, inline="always")
+@inlined
 def ticks_through(cycle: int, origin: int, period: int) -> int:
     """Count the ticks at cycles up to and including ``cycle``; 0 before ``origin``.
 
@@ -22,7 +22,7 @@ def ticks_through(cycle: int, origin: int, period: int) -> int:
     return (cycle - origin) // period + 1 if cycle >= origin else 0
 
 
-@njit(cache=True, inline="always")
+@inlined
 def tick_cycle(tick: int, origin: int, period: int) -> int:
     """Return the cycle of a tick."""
     return origin + tick * period

@@ -9,31 +9,31 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
+from pulsewright.twin.kernel import inlined
 
 ACCESS_NS: Final = 1500  # time of one access by software over a parallel port
 _ALL: Final = 0b11111
 
 
-@njit(cache=True, inline="always")
+@inlined
 def acts(stages: int) -> bool:
     """Tell whether the next edge is an action edge."""
     return (stages & 0b110) == 0b010
 
 
-@njit(cache=True, inline="always")
+@inlined
 def shift(stages: int, strobe: int) -> int:
     """Return the stages after an edge that samples ``strobe`` (1 = active)."""
     return ((stages << 1) | strobe) & _ALL
 
 
-@njit(cache=True, inline="always")
+@inlined
 def acknowledges(stages: int) -> int:
     """Return 1 while the cycle is acknowledged and a byte read is on the bus."""
     return stages >> 4
 
 
-@njit(cache=True, inline="always")
+@inlined
 def settled(stages: int, strobe: int) -> bool:
     """Tell whether edges change nothing as long as ``strobe`` stays as it is."""
     return stages == (_ALL if strobe else 0)

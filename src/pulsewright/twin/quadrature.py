@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit
+from pulsewright.twin.kernel import kernel
 
 
-@njit(cache=True)
+@kernel
 def count(a_before: int, b_before: int, a: int, b: int) -> int:
     """Return the count (-1, 0, 1) of a change of A and B; 0 where both change at once.
 

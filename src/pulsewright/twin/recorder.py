@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pulsewright.edges.trace import EdgeTrace
+from pulsewright.twin.kernel import hot, kernel
 
 RESERVE: Final = 16  # places that pulse trains leave free in a row
 NEARLY_FULL: Final = 2 * RESERVE  # a row with fewer free places is to grow before the next event
@@ -40,7 +40,7 @@ class Rows(NamedTuple):
     full: NDArray[np.int64]
 
 
-@njit(cache=True)
+@kernel
 def toggle(rows: Rows, row: int, cycle: int) -> None:
     """Change a pin at ``cycle``; a change back in the same cycle leaves no edge."""
     pin = rows.pins[row]
@@ -55,23 +55,23 @@ def toggle(rows: Rows, row: int, cycle: int) -> None:
         rows.full[0] = 1
 
 
-@njit(cache=True)
+@kernel
 def drive(rows: Rows, row: int, level: int, cycle: int) -> None:
     """Bring a pin to ``level`` at ``cycle``."""
     if rows.pins[row].level != level:
         toggle(rows, row, cycle)
 
 
-@njit(cache=True)
+@hot
 def pulses(rows: Rows, row: int, cycle: int, period: int, width: int, count: int) -> None:
     """Write ``count`` whole pulses of a low pin: up at ``cycle``, down ``width`` cycles later."""
     pin = rows.pins[row]
     at = pin.first + pin.used
-    for _ in range(count):
-        rows.cycles[at] = cycle
-        rows.cycles[at + 1] = cycle + width
-        at += 2
-        cycle += period
+    train = rows.cycles[at : at + 2 * count]
+    for k in range(count):  # without state from pulse to pulse, so that it becomes vector code
+        rise = cycle + k * period
+        train[2 * k] = rise
+        train[2 * k + 1] = rise + width
     pin.used += 2 * count
     if pin.room - pin.used < NEARLY_FULL:
         rows.full[0] = 1

@@ -1,7 +1,7 @@
 """Step pulse former: pulse width, space and direction setup, driven by a step rate generator.
 
-A pulse trains in closed form: between two changes of its registers an axis makes pulses of one
-width at one period, which go to the edge buffer in a tight loop.
+Between two changes of its registers an axis makes pulses of one width at one period: they go to the
+edge buffer in closed form.
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 
+from pulsewright.twin.kernel import hot
 from pulsewright.twin.recorder import RESERVE, Rows, pulses, toggle
 from pulsewright.twin.step_rate import count_before, due_tick
 
 # State of one axis before tick ``tick``; all 0 at reset. ``count``: counter of the rate generator.
-# ``step``, ``direction``: pins. ``fall``: tick at which the present pulse ends. ``space``, ``hold``,
-# ``setup``: first tick at which a pulse may start after a pulse, at which the direction may change
-# after a pulse, at which a pulse may start after a change of direction. ``position`` [step] counts
-# pulses with their sign, ``pulses`` without.
+# ``step``, ``direction``: pins. ``fall``: tick at which the present pulse ends. First ticks at
+# which something may follow: ``space``, a pulse after a pulse; ``hold``, a change of direction
+# after a pulse; ``setup``, a pulse after a change of direction. ``position`` [step] counts pulses
+# with their sign, ``pulses`` without.
 STEP_AXIS: Final = np.dtype(
     [
         (name, np.int64)
@@ -30,7 +30,7 @@ STEP_AXIS: Final = np.dtype(
 )
 
 
-@njit(cache=True)
+@hot
 def advance(
     axis: Any,
     end: int,
@@ -119,7 +119,8 @@ def advance(
                 low = end
                 break
             apart = max(period, width + space)
-            whole = (end - 1 - width - start) // apart + 1  # pulses that also end before ``end``
+            # pulses that also end before tick ``end``
+            whole = (end - 1 - width - start) // apart + 1
             whole = min(whole, room // 2)
             if whole <= 0:
                 toggle(rows, step_pin, origin + start * tick_cycles)

@@ -7,18 +7,18 @@ holds the counter.
 
 from __future__ import annotations
 
-from numba import njit
+from pulsewright.twin.kernel import kernel
 
 
-@njit(cache=True)
+@kernel
 def due_tick(count: int, tick: int, period: int) -> int:
     """Return the first tick at which a step is due, if ``count`` is the counter before ``tick``."""
     return tick + max(0, period - 1 - count)
 
 
-@njit(cache=True)
+@kernel
 def count_before(end: int, count: int, tick: int, period: int, active: bool) -> int:
-    """Return the counter before tick ``end``, if it is ``count`` before ``tick`` and none starts."""
+    """Return the counter before tick ``end``: ``count`` before ``tick``, and no step starts."""
     if end <= tick:
         return count
     if not active:

@@ -41,9 +41,10 @@ from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import BusError, UsageError
 from pulsewright.transport.bus import EPP_ACCESS
 from pulsewright.twin.clock import NEVER
+from pulsewright.twin.epp import ACCESS_NS
+from pulsewright.twin.inputs import InputPins, merged
 from pulsewright.twin.recorder import Recorder
 
-ACCESS_NS: Final = 1500  # time of one access by software over a parallel port
 BUS_INPUTS: Final = ("nwrite", "ndatastr", "naddrstr", "ninit", "data")
 BOARD_INPUTS: Final = (
     *(f"{pin}{axis}" for pin in ("a", "b", "index") for axis in range(4)),
@@ -144,43 +145,38 @@ class UscTwin:
         self.boards = boards
         self.input_pins = BUS_INPUTS + _of_boards(BOARD_INPUTS, boards)
         self.output_pins = _of_boards(BOARD_OUTPUTS, boards) + (BUS_OUTPUTS if bus_pins else ())
-        self._pin_number = {pin: n for n, pin in enumerate(self.input_pins)}
+        self._inputs = InputPins("usc twin", self.input_pins, {"data": 255})
         self._recorder = Recorder(self.output_pins, clock_hz, ("nwait",) if nwait_idle else ())
 
-        bus = np.zeros(1, kernel.BUS)
+        world = np.zeros(1, kernel.WORLD)
+        self._bus, self._boards = world["bus"][0], world["boards"][0]
+        self._axes = world["axes"][0]
+        bus, board, inputs = self._bus, self._boards, world["inputs"][0]
         fixed = ("div_offset", "time_code", "min_space", "ident", "sense_gate", "watchdog_us")
         for name in (*fixed, "mariss", "enc_filter", "base"):
             bus[name] = self.switches[name]
+        bus["boards"] = boards
         bus["tick"], bus["access_cycles"] = clock_hz // TICK_HZ, access_cycles
         bus["bus_pins"], bus["nwait_idle"] = bus_pins, nwait_idle
         bus["done"], bus["last_access"], bus["intr_until"] = -1, -access_cycles, -1
         for name in ("nwrite", "ndatastr", "naddrstr", "ninit"):
             bus[name] = 1
         bus["selected"] = -1 if base else 0
-        board = np.zeros(boards, kernel.BOARD)
+        bus["next_accept"] = NEVER
         board["setup"], board["width"] = W_SETUP_RESET, W_WIDTH_RESET
         board["loopback"] = self.switches["loopback"]
         board["chain"], board["watchdog_at"], board["timer_at"] = 1, -1, NEVER
-        bus["next_accept"] = NEVER
-        inputs = np.zeros(boards * kernel.INPUT_PINS, kernel.INPUT)
         for name in ("seen", "level"):
             inputs[name][kernel.CHAIN_PIN :: kernel.INPUT_PINS] = 1
         inputs["accept_at"] = NEVER
-        self._s = kernel.State(
-            bus,
-            board,
-            np.zeros((boards, kernel.AXES), kernel.AXIS),
-            inputs,
-            np.zeros((0, 3), np.int64),
-            self._recorder.rows,
-        )
+        self._s = kernel.State(world[0], np.zeros((0, 3), np.int64), self._recorder.rows)
 
     # ---------------------------------------------------------------------------------------- time
 
     @property
     def now(self) -> int:
         """Present cycle: its edge is done, an access without a later cycle acts after it."""
-        return max(int(self._s.bus["done"][0]), 0)
+        return max(int(self._bus["done"]), 0)
 
     def advance(self, cycle: int) -> None:
         """Run through the edge ``cycle`` without bus access.
@@ -274,17 +270,10 @@ class UscTwin:
         UsageError
             If a pin is unknown, a level not possible or a cycle over; nothing is scheduled then.
         """
-        events = np.empty((len(np.atleast_1d(np.asarray(cycles))), 3), np.int64)
-        events[:, 0] = cycles
-        events[:, 1] = self._numbers(pins)
-        events[:, 2] = levels
-        self._check_events(events)
+        events = self._inputs.events(cycles, pins, levels, int(self._bus["done"]))
         events[:, 0] += np.where(events[:, 1] < kernel.BUS_PINS, 0, kernel.SYNCHRONISER)
-        queue = np.concatenate([self._s.queue[int(self._s.bus["head"][0]) :], events])
-        queue = queue[np.lexsort((queue[:, 1], queue[:, 0]))]  # stable: the last change counts
-        last = np.append(np.any(queue[1:, :2] != queue[:-1, :2], axis=1), True)
-        self._s = self._s._replace(queue=np.ascontiguousarray(queue[last[: len(queue)]]))
-        self._s.bus["head"] = self._s.bus["next_event"] = 0
+        self._s = self._s._replace(queue=merged(self._s.queue[int(self._bus["head"]) :], events))
+        self._bus["head"] = self._bus["next_event"] = 0
 
     def set_din(self, value: int, board: int = 0) -> None:
         """Set all digital inputs of a board now, bit n = input n, past the synchroniser.
@@ -320,14 +309,14 @@ class UscTwin:
         """Give a rising index edge now; the level of the pin stays. Nothing while in reset."""
         self._board(board, axis)
         self._settle()
-        if not self._s.bus["in_reset"][0]:
-            kernel.index_edge(self._s, board, axis, int(self._s.axes["encoder"][board, axis]))
+        if not self._bus["in_reset"]:
+            kernel.index_edge(self._s, board, axis, int(self._axes["encoder"][board, axis]))
 
     def set_loopback(self, on: bool, board: int = 0) -> None:
         """Switch the step loopback of a board now."""
         self._board(board)
         self._settle()
-        self._s.boards["loopback"][board] = bool(on)
+        self._boards["loopback"][board] = bool(on)
 
     # --------------------------------------------------------------------------------------- state
 
@@ -347,7 +336,7 @@ class UscTwin:
         """
         self._board(board)
         self._settle()
-        registers, axes, bus = self._s.boards[board], self._s.axes[board], self._s.bus[0]
+        registers, axes, bus = self._boards[board], self._axes[board], self._bus
         left = int(registers["watchdog_at"] - self.now) * TICK_HZ
         return {
             "cycle": self.now,
@@ -386,7 +375,7 @@ class UscTwin:
 
     def _settle(self) -> None:
         """Bring the axes to the present cycle; they run only when looked at."""
-        while not kernel.advance_all(self._s, int(self._s.bus["done"][0])):
+        while not kernel.advance_all(self._s, int(self._bus["done"])):
             self._grow()
 
     def _board(self, board: int, axis: int = 0) -> int:
@@ -395,39 +384,3 @@ class UscTwin:
         if not 0 <= axis < kernel.AXES:
             raise UsageError(f"usc twin: axis {axis}; allowed are 0..{kernel.AXES - 1}")
         return board
-
-    def _numbers(self, pins: str | Sequence[str] | ArrayLike) -> NDArray[np.int64]:
-        array = np.asarray(pins)
-        if array.dtype.kind != "U":
-            return array.astype(np.int64)
-        names, place = np.unique(array, return_inverse=True)
-        unknown = [str(name) for name in names if str(name) not in self._pin_number]
-        if unknown:
-            raise UsageError(
-                f"usc twin: no input pin '{unknown[0]}'; the pins are {', '.join(self.input_pins)}"
-            )
-        return np.array([self._pin_number[str(name)] for name in names], np.int64)[place]
-
-    def _check_events(self, events: NDArray[np.int64]) -> None:
-        cycle, pin, level = events.T
-        if not len(events):
-            return
-        done = int(self._s.bus["done"][0])
-        if cycle.min() <= done:
-            raise UsageError(
-                f"usc twin: an input change at cycle {cycle.min()}, but that is over; "
-                f"cycles from {done + 1} on are allowed"
-            )
-        if not 0 <= pin.min() <= pin.max() < len(self.input_pins):
-            raise UsageError(
-                f"usc twin: input pin numbers {pin.min()}..{pin.max()}; allowed are "
-                f"0..{len(self.input_pins) - 1}"
-            )
-        most = np.where(pin == self.input_pins.index("data"), 255, 1)
-        wrong = np.flatnonzero((level < 0) | (level > most))
-        if len(wrong):
-            name = self.input_pins[int(pin[wrong[0]])]
-            raise UsageError(
-                f"usc twin: level {level[wrong[0]]} for input pin {name}; allowed are "
-                f"0..{most[wrong[0]]}"
-            )

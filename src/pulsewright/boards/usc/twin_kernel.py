@@ -13,7 +13,6 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pulsewright.boards.usc.registers import (
@@ -34,6 +33,7 @@ from pulsewright.boards.usc.registers import (
     W_ENCODER_CONTROL_ALIAS,
     W_ENCODER_CONTROL_INDEX_SELECT_LSB,
     W_ENCODER_CONTROL_LOAD_LSB,
+    W_ENCODER_CONTROL_LOAD_MASK,
     W_INDEX_RESET,
     W_INDEX_RESET_AXES_MASK,
     W_OUTPUTS,
@@ -55,6 +55,7 @@ from pulsewright.boards.usc.registers import (
 from pulsewright.transport.bus import ADDRESS_READ, ADDRESS_WRITE, DATA_READ, DATA_WRITE
 from pulsewright.twin import epp, quadrature, step_pulse
 from pulsewright.twin.clock import NEVER, tick_cycle, ticks_through
+from pulsewright.twin.kernel import hot, inlined, kernel
 from pulsewright.twin.recorder import Rows, drive
 from pulsewright.twin.step_pulse import STEP_AXIS
 
@@ -93,8 +94,8 @@ BUS: Final = np.dtype(
         for name in (
             # time: last edge done, no event comes before, last access; origin: edge 0 of the boards
             *("done", "next_event", "last_access", "origin"),
-            # fixed: cycles per tick, cycles per access, base address of board 0
-            *("tick", "access_cycles", "base"),
+            # fixed: boards, cycles per tick, cycles per access, base address of board 0
+            *("boards", "tick", "access_cycles", "base"),
             # fixed: profile switches
             *("div_offset", "time_code", "min_space", "ident", "sense_gate", "watchdog_us"),
             *("mariss", "enc_filter", "nwait_idle", "bus_pins"),
@@ -131,16 +132,24 @@ AXIS: Final = np.dtype(
 # One input: level after the synchroniser, after the filter, edge at which the filter accepts.
 INPUT: Final = np.dtype([(name, np.int64) for name in ("seen", "level", "accept_at")])
 
+# All of it: a kernel gets one pointer. Boards after the last one are not used.
+WORLD: Final = np.dtype(
+    [
+        ("bus", BUS),
+        ("boards", BOARD, (BOARDS_MAX,)),
+        ("axes", AXIS, (BOARDS_MAX, AXES)),
+        ("inputs", INPUT, (BOARDS_MAX * INPUT_PINS,)),
+    ]
+)
+
 
 class State(NamedTuple):
     """Everything there is, as kernels see it.
 
     Parameters
     ----------
-    bus : (1,) BUS
-    boards : (boards,) BOARD
-    axes : (boards, 4) AXIS
-    inputs : (boards * INPUT_PINS,) INPUT
+    world : WORLD
+        Registers and time.
     queue : (events, 3) int64
         Edge that uses it, pin and level of changes of the pins, by edge. Pins are those of the bus,
         then those of the boards.
@@ -148,10 +157,7 @@ class State(NamedTuple):
         Edge buffers of all output pins.
     """
 
-    bus: NDArray[np.void]
-    boards: NDArray[np.void]
-    axes: NDArray[np.void]
-    inputs: NDArray[np.void]
+    world: Any
     queue: NDArray[np.int64]
     rows: Rows
 
@@ -159,22 +165,22 @@ class State(NamedTuple):
 # ------------------------------------------------------------------------------------- step pulses
 
 
-@njit(cache=True, inline="always")
+@inlined
 def loads(encoder_control: int, i: int) -> int:
     """Return the load position bit of an axis."""
     return encoder_control >> (W_ENCODER_CONTROL_LOAD_LSB + i) & 1
 
 
-@njit(cache=True, inline="always")
+@inlined
 def selects_index(encoder_control: int, i: int) -> int:
     """Return the index select bit of an axis."""
     return encoder_control >> (W_ENCODER_CONTROL_INDEX_SELECT_LSB + i) & 1
 
 
-@njit(cache=True)
+@kernel
 def advance_axis(s: State, b: int, i: int, cycle: int) -> bool:
     """Run one axis through the ticks up to ``cycle``; False if a buffer is full."""
-    bus, board, axis = s.bus[0], s.boards[b], s.axes[b, i]
+    bus, board, axis = s.world.bus, s.world.boards[b], s.world.axes[b, i]
     end = ticks_through(cycle, bus.origin, bus.tick)
     if axis.tick >= end:
         return True
@@ -199,31 +205,31 @@ def advance_axis(s: State, b: int, i: int, cycle: int) -> bool:
     return done
 
 
-@njit(cache=True)
+@kernel
 def advance_board(s: State, b: int, cycle: int) -> bool:
     """Run the axes of one board through the ticks up to ``cycle``; False if a buffer is full."""
+    done = True
     for i in range(AXES):
-        if not advance_axis(s, b, i, cycle):
-            return False
-    return True
+        done &= advance_axis(s, b, i, cycle)
+    return done
 
 
-@njit(cache=True)
+@kernel
 def advance_all(s: State, cycle: int) -> bool:
     """Run all axes through the ticks up to ``cycle``; False if a buffer is full."""
-    for b in range(s.boards.size):
-        if not advance_board(s, b, cycle):
-            return False
-    return True
+    done = True
+    for b in range(s.world.bus.boards):
+        done &= advance_board(s, b, cycle)
+    return done
 
 
 # --------------------------------------------------------------------------------- estop, watchdog
 
 
-@njit(cache=True)
+@kernel
 def drive_outputs(s: State, b: int, cycle: int) -> None:
     """Bring the outputs of one board to what its registers say; all 0 in estop."""
-    board = s.boards[b]
+    board = s.world.boards[b]
     row = b * BOARD_ROWS
     drive(s.rows, row + RUNNING_ROW, board.running, cycle)
     for i in range(7):
@@ -232,21 +238,21 @@ def drive_outputs(s: State, b: int, cycle: int) -> None:
         drive(s.rows, row + DAC_ROW + i, board.dac >> i & board.running, cycle)
 
 
-@njit(cache=True)
+@hot
 def feed_watchdog(s: State, b: int, cycle: int) -> None:
     """Let the watchdog expire with its last tick, counted from the first one after ``cycle``."""
-    bus = s.bus[0]
+    bus = s.world.bus
     last = ticks_through(cycle, bus.origin, bus.tick) + WATCHDOG_TICKS_PER_US * bus.watchdog_us - 1
-    s.boards[b].watchdog_at = tick_cycle(last, bus.origin, bus.tick)
+    s.world.boards[b].watchdog_at = tick_cycle(last, bus.origin, bus.tick)
 
 
-@njit(cache=True)
+@kernel
 def settle_estop(s: State, b: int, running: int, cycle: int) -> None:
     """Enter or leave estop after the edge ``cycle``; ``running``: 1 to stay out of it if possible.
 
     The axes must have room for the ticks up to ``cycle``.
     """
-    bus, board = s.bus[0], s.boards[b]
+    bus, board = s.world.bus, s.world.boards[b]
     if (
         board.outputs & W_OUTPUTS_ESTOP_RELEASE_MASK == 0
         or (board.chain == 0 and board.slave == 0)
@@ -264,28 +270,28 @@ def settle_estop(s: State, b: int, running: int, cycle: int) -> None:
 # ------------------------------------------------------------------------- encoders, latches, index
 
 
-@njit(cache=True)
+@kernel
 def latch(s: State, b: int) -> None:
     """Latch the counters of one board whose index select bit is 0."""
     for i in range(AXES):
-        if not selects_index(s.boards[b].encoder_control, i):
-            s.axes[b, i].latch = s.axes[b, i].encoder
+        if not selects_index(s.world.boards[b].encoder_control, i):
+            s.world.axes[b, i].latch = s.world.axes[b, i].encoder
 
 
-@njit(cache=True)
+@kernel
 def latch_event(s: State, sources: int, asserted: bool, cycle: int) -> None:
     """Latch the boards with an event (bits of ``sources``), and all if it starts the Intr line."""
-    bus = s.bus[0]
-    for b in range(s.boards.size):
+    bus = s.world.bus
+    for b in range(s.world.bus.boards):
         if not asserted or sources >> b & 1:
             latch(s, b)
     bus.intr_until = cycle + INTR_TICKS * bus.tick
 
 
-@njit(cache=True)
+@kernel
 def schedule_timer(s: State, b: int) -> None:
     """Find the next event of a board's latch timer from its counter."""
-    bus, board = s.bus[0], s.boards[b]
+    bus, board = s.world.bus, s.world.boards[b]
     rate = board.timer & W_TIMER_RATE_MASK
     board.timer_at = NEVER
     if rate and board.timer & W_TIMER_MASTER_MASK:
@@ -294,10 +300,10 @@ def schedule_timer(s: State, b: int) -> None:
         bus.next_event = min(bus.next_event, board.timer_at)
 
 
-@njit(cache=True)
+@kernel
 def write_timer(s: State, b: int, value: int, cycle: int) -> None:
     """Write the timer register; a soft latch is the caller's."""
-    bus, board = s.bus[0], s.boards[b]
+    bus, board = s.world.bus, s.world.boards[b]
     tick = ticks_through(cycle, bus.origin, bus.tick)
     if tick > board.timer_tick:
         running = board.timer_at != NEVER
@@ -307,10 +313,10 @@ def write_timer(s: State, b: int, value: int, cycle: int) -> None:
     schedule_timer(s, b)
 
 
-@njit(cache=True)
+@kernel
 def index_edge(s: State, b: int, i: int, latched: int) -> None:
     """Capture, reset and sense at a rising index edge; ``latched`` is the count captured."""
-    bus, board, axis = s.bus[0], s.boards[b], s.axes[b, i]
+    bus, board, axis = s.world.bus, s.world.boards[b], s.world.axes[b, i]
     select = selects_index(board.encoder_control, i)
     reset = board.index_reset >> i & 1
     if select:
@@ -321,10 +327,10 @@ def index_edge(s: State, b: int, i: int, latched: int) -> None:
         board.index_sense |= 1 << i
 
 
-@njit(cache=True)
+@kernel
 def count_encoder(s: State, b: int, i: int, counted: int, index: int, cycle: int) -> None:
     """Count one axis at the edge ``cycle``; ``index``: its index rises at this edge."""
-    board, axis = s.boards[b], s.axes[b, i]
+    board, axis = s.world.boards[b], s.world.axes[b, i]
     before = axis.encoder
     if board.loopback:
         advance_axis(s, b, i, cycle)
@@ -334,10 +340,10 @@ def count_encoder(s: State, b: int, i: int, counted: int, index: int, cycle: int
         index_edge(s, b, i, before)
 
 
-@njit(cache=True)
+@kernel
 def take_pins(s: State, cycle: int) -> None:
     """Bring the pins to what the edge ``cycle`` sees of them; the encoders have not acted yet."""
-    bus = s.bus[0]
+    bus = s.world.bus
     while bus.head < s.queue.shape[0] and s.queue[bus.head, 0] <= cycle:
         pin, level = s.queue[bus.head, 1], s.queue[bus.head, 2]
         bus.head += 1
@@ -355,10 +361,10 @@ def take_pins(s: State, cycle: int) -> None:
             take_input(s, pin - BUS_PINS, level, cycle)
 
 
-@njit(cache=True)
+@kernel
 def take_input(s: State, pin: int, level: int, cycle: int) -> None:
     """Bring one input of a board to the level that the edge ``cycle`` sees."""
-    bus, one = s.bus[0], s.inputs[pin]
+    bus, one = s.world.bus, s.world.inputs[pin]
     if one.seen == level:
         return
     one.seen = level
@@ -367,25 +373,25 @@ def take_input(s: State, pin: int, level: int, cycle: int) -> None:
         one.accept_at = cycle + bus.enc_filter - 1 if one.level != level else NEVER
         bus.next_accept = min(bus.next_accept, one.accept_at)
     elif kind == CHAIN_PIN:
-        s.boards[b].chain = level
+        s.world.boards[b].chain = level
     else:
-        s.boards[b].din ^= 1 << (kind - DIN_PIN)
+        s.world.boards[b].din ^= 1 << (kind - DIN_PIN)
 
 
-@njit(cache=True)
+@kernel
 def decode_encoders(s: State, cycle: int) -> None:
     """Let the encoders act on the levels that pass the filter at the edge ``cycle``."""
-    bus = s.bus[0]
+    bus = s.world.bus
     bus.next_accept = NEVER
-    for b in range(s.boards.size):
+    for b in range(s.world.bus.boards):
         for i in range(AXES):
             first = b * INPUT_PINS + i
-            pin_a, pin_b = s.inputs[first + A_PIN], s.inputs[first + B_PIN]
-            pin_index = s.inputs[first + INDEX_PIN]
+            pin_a, pin_b = s.world.inputs[first + A_PIN], s.world.inputs[first + B_PIN]
+            pin_index = s.world.inputs[first + INDEX_PIN]
             old_a, old_b, old_index = pin_a.level, pin_b.level, pin_index.level
             changed = False
             for kind in (A_PIN, B_PIN, INDEX_PIN):
-                one = s.inputs[first + kind]
+                one = s.world.inputs[first + kind]
                 if one.accept_at <= cycle:
                     one.accept_at = NEVER
                     one.level = one.seen
@@ -399,60 +405,61 @@ def decode_encoders(s: State, cycle: int) -> None:
 # --------------------------------------------------------------------------------------- registers
 
 
-@njit(cache=True)
+@kernel
 def select_board(s: State) -> None:
     """Find the board that the address register selects."""
-    bus = s.bus[0]
+    bus = s.world.bus
     b = bus.address // PAGE - bus.base
-    bus.selected = b if 0 <= b < s.boards.size and not bus.in_reset else -1
+    bus.selected = b if 0 <= b < s.world.bus.boards and not bus.in_reset else -1
 
 
-@njit(cache=True)
+@hot
 def read_register(s: State, b: int, register: int) -> int:
     """Return the byte of a data read and do its side effect."""
-    board = s.boards[b]
+    board = s.world.boards[b]
     board.reads[register] += 1
     if register < R_ENCODER_COUNT[3] + 3:
-        return (s.axes[b, register // 3].latch >> (8 * (register % 3))) & 0xFF
+        return int(s.world.axes[b, register // 3].latch >> (8 * (register % 3)) & 0xFF)
     if register == R_INDEX_SENSE:
-        sense = board.index_sense
+        sense = int(board.index_sense)
         board.index_sense = 0
         return sense
     if register == R_INPUTS_LOW:
-        return board.din & R_INPUTS_LOW_INPUTS_MASK
+        return int(board.din & R_INPUTS_LOW_INPUTS_MASK)
     if register == R_INPUTS_HIGH:
         running = R_INPUTS_HIGH_RUNNING_MASK if board.running else 0
-        return (board.din >> 8) & R_INPUTS_HIGH_INPUTS_MASK | running
-    return s.bus[0].ident if register == R_IDENT else 0
+        return int(board.din >> 8 & R_INPUTS_HIGH_INPUTS_MASK | running)
+    return s.world.bus.ident if register == R_IDENT else 0
 
 
-@njit(cache=True)
+@hot
 def starts_soft_latch(s: State, b: int, register: int, value: int) -> bool:
     """Tell whether a write is a soft latch: bit 5 from 0 to 1."""
-    return register == W_TIMER and value & ~s.boards[b].timer & W_TIMER_SOFT_LATCH_MASK != 0
+    return register == W_TIMER and value & ~s.world.boards[b].timer & W_TIMER_SOFT_LATCH_MASK != 0
 
 
-@njit(cache=True)
+@hot
 def write_assembly(s: State, b: int, k: int, value: int) -> None:
     """Replace byte ``k`` of the assembly register, also in the counters that load it."""
-    board = s.boards[b]
+    board = s.world.boards[b]
     board.assembly = (board.assembly & ~(0xFF << (8 * k))) | (value << (8 * k))
-    load_positions(s, b)
+    if board.encoder_control & W_ENCODER_CONTROL_LOAD_MASK:
+        load_positions(s, b)
 
 
-@njit(cache=True)
+@kernel
 def load_positions(s: State, b: int) -> None:
     """Bring the counters whose load position bit is 1 to the assembly register."""
-    board = s.boards[b]
+    board = s.world.boards[b]
     for i in range(AXES):
         if loads(board.encoder_control, i):
-            s.axes[b, i].encoder = board.assembly
+            s.world.axes[b, i].encoder = board.assembly
 
 
-@njit(cache=True)
+@hot
 def commit_divisor(s: State, b: int, i: int, value: int, cycle: int) -> bool:
     """Write the high byte of a divisor: commit it and, as the case may be, feed the watchdog."""
-    board, axis = s.boards[b], s.axes[b, i]
+    board, axis = s.world.boards[b], s.world.axes[b, i]
     divisor = (board.assembly & 0xFFFF) | (value << 16)
     if divisor != axis.divisor:
         if not advance_axis(s, b, i, cycle):
@@ -466,13 +473,13 @@ def commit_divisor(s: State, b: int, i: int, value: int, cycle: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@hot
 def write_register(s: State, b: int, register: int, value: int, cycle: int) -> bool:
     """Carry out a data write after the edge ``cycle``; False if a buffer is full.
 
     A soft latch is the caller's.
     """
-    board = s.boards[b]
+    board = s.world.boards[b]
     if W_DIVISOR[0] <= register < W_DIVISOR[3] + 3:
         i, k = (register - W_DIVISOR[0]) // 3, (register - W_DIVISOR[0]) % 3
         if k < 2:
@@ -480,11 +487,10 @@ def write_register(s: State, b: int, register: int, value: int, cycle: int) -> b
         elif not commit_divisor(s, b, i, value, cycle):
             return False
     elif register == W_RATE_CONTROL:
-        changed = board.rate_control ^ value
-        for i in range(AXES):
-            if changed >> (2 * i) & 3 and not advance_axis(s, b, i, cycle):
+        if value != board.rate_control:
+            if not advance_board(s, b, cycle):
                 return False
-        board.rate_control = value
+            board.rate_control = value
     elif register in (W_SETUP, W_WIDTH):
         if value != (board.setup if register == W_SETUP else board.width):
             if not advance_board(s, b, cycle):
@@ -517,7 +523,7 @@ def write_register(s: State, b: int, register: int, value: int, cycle: int) -> b
             board.encoder_control = value
             load_positions(s, b)
     elif register == W_INDEX_RESET:
-        if s.bus[0].ident & 0x0F >= 2:
+        if s.world.bus.ident & 0x0F >= 2:
             board.index_reset = value & W_INDEX_RESET_AXES_MASK
     elif register == W_SLAVE and value & W_SLAVE_ENABLE_MASK != board.slave:
         if not advance_board(s, b, cycle):
@@ -531,18 +537,18 @@ def write_register(s: State, b: int, register: int, value: int, cycle: int) -> b
 # ------------------------------------------------------------------------------------------- reset
 
 
-@njit(cache=True)
+@kernel
 def enter_reset(s: State, cycle: int) -> None:
     """Bring every board to its reset state after the edge ``cycle`` and hold it there.
 
     Synchronisers, filters and the levels they hold go on; so do the access counters. The axes must
     stand at ``cycle``.
     """
-    bus = s.bus[0]
+    bus = s.world.bus
     bus.in_reset, bus.origin = 1, NEVER
     bus.address, bus.selected, bus.stages, bus.intr_until = 0, -1, 0, -1
-    for b in range(s.boards.size):
-        board = s.boards[b]
+    for b in range(s.world.bus.boards):
+        board = s.world.boards[b]
         board.assembly = board.encoder_control = board.timer = board.slave = 0
         board.index_reset = board.dac = board.rate_control = board.outputs = 0
         board.index_sense = board.read_byte = board.running = board.commits = 0
@@ -551,7 +557,7 @@ def enter_reset(s: State, cycle: int) -> None:
         board.timer_count = board.timer_tick = 0
         drive_outputs(s, b, cycle)
         for i in range(AXES):
-            axis = s.axes[b, i]
+            axis = s.world.axes[b, i]
             axis.tick = axis.count = axis.step = axis.direction = axis.fall = 0
             axis.space = axis.hold = axis.setup = axis.position = axis.pulses = 0
             axis.divisor = axis.encoder = axis.latch = 0
@@ -559,10 +565,10 @@ def enter_reset(s: State, cycle: int) -> None:
             drive(s.rows, b * BOARD_ROWS + DIRECTION_ROW + i, 0, cycle)
 
 
-@njit(cache=True)
+@kernel
 def leave_reset(s: State, cycle: int) -> None:
     """Start the boards; the edge ``cycle`` is their edge 0."""
-    bus = s.bus[0]
+    bus = s.world.bus
     bus.in_reset, bus.origin = 0, cycle
     select_board(s)
 
@@ -570,30 +576,30 @@ def leave_reset(s: State, cycle: int) -> None:
 # ----------------------------------------------------------------------------------------- bus pins
 
 
-@njit(cache=True)
+@kernel
 def drive_bus(s: State, cycle: int) -> None:
     """Bring nWait and the data bus to what the strobe pipeline says."""
-    bus = s.bus[0]
-    row = s.boards.size * BOARD_ROWS
+    bus = s.world.bus
+    row = s.world.bus.boards * BOARD_ROWS
     acknowledged = epp.acknowledges(bus.stages) if bus.selected >= 0 else 0
     driven = acknowledged & bus.nwrite
     drive(s.rows, row + NWAIT_ROW, acknowledged ^ bus.nwait_idle, cycle)
     drive(s.rows, row + DRIVE_ROW, driven, cycle)
     for i in range(8):
-        level = s.boards[bus.selected].read_byte >> i & 1 if driven else 0
+        level = s.world.boards[bus.selected].read_byte >> i & 1 if driven else 0
         drive(s.rows, row + DATA_ROW + i, level, cycle)
 
 
 # ------------------------------------------------------------------------------------ edge by edge
 
 
-@njit(cache=True)
+@kernel
 def next_event(s: State) -> int:
     """Return the first cycle after ``done`` at which something happens by itself."""
-    bus = s.bus[0]
-    first = NEVER
-    for b in range(s.boards.size):
-        board = s.boards[b]
+    bus = s.world.bus
+    first: int = NEVER
+    for b in range(s.world.bus.boards):
+        board = s.world.boards[b]
         first = min(first, board.timer_at)
         if board.running and bus.watchdog_us:
             first = min(first, board.watchdog_at)
@@ -605,10 +611,10 @@ def next_event(s: State) -> int:
     return first
 
 
-@njit(cache=True)
+@kernel
 def edge(s: State, cycle: int) -> bool:
     """Do everything that happens at one clock edge but the ticks; False if a buffer is full."""
-    bus = s.bus[0]
+    bus = s.world.bus
     if not advance_all(s, cycle - 1) or s.rows.full[0]:
         return False
     take_pins(s, cycle)
@@ -625,13 +631,13 @@ def edge(s: State, cycle: int) -> bool:
     write = data_cycle and bus.nwrite == 0
     read = data_cycle and bus.nwrite == 1
     if read:
-        s.boards[b].read_byte = read_register(s, b, register)
+        s.world.boards[b].read_byte = read_register(s, b, register)
     elif acting and bus.nwrite == 1 and bus.naddrstr == 0 and b >= 0:
-        s.boards[b].read_byte = bus.address
+        s.world.boards[b].read_byte = bus.address
 
     sources = 0
-    for k in range(s.boards.size):
-        board = s.boards[k]
+    for k in range(s.world.bus.boards):
+        board = s.world.boards[k]
         if board.timer_at == cycle:
             sources |= 1 << k
             board.timer_count = 0
@@ -645,16 +651,16 @@ def edge(s: State, cycle: int) -> bool:
         decode_encoders(s, cycle)
     if write:
         write_register(s, b, register, bus.data, cycle)
-    for k in range(s.boards.size):
-        settle_estop(s, k, s.boards[k].running, cycle)
+    for k in range(s.world.bus.boards):
+        settle_estop(s, k, s.world.boards[k].running, cycle)
     if acting:
         if bus.nwrite == 0 and (bus.naddrstr == 0 or bus.ndatastr == 0):
             bus.byte = bus.data
         elif b >= 0 and (bus.naddrstr == 0 or bus.ndatastr == 0):
-            bus.byte = s.boards[b].read_byte
-        if bus.naddrstr == 1:
+            bus.byte = s.world.boards[b].read_byte
+        if bus.naddrstr == 1 and b >= 0:
             step_address(s)
-        elif bus.nwrite == 0:
+        elif bus.naddrstr == 0 and bus.nwrite == 0:
             bus.address = bus.data
             select_board(s)
     if bus.bus_pins:
@@ -662,17 +668,17 @@ def edge(s: State, cycle: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@hot
 def step_address(s: State) -> None:
     """Increment the register bits of the address; the board select bits stay."""
-    bus = s.bus[0]
+    bus = s.world.bus
     bus.address = bus.address & ~(PAGE - 1) | (bus.address + 1) % PAGE
 
 
-@njit(cache=True)
+@kernel
 def run(s: State, cycle: int) -> bool:
     """Do all edges up to ``cycle``, axes excepted; False if a buffer is full."""
-    bus = s.bus[0]
+    bus = s.world.bus
     while bus.next_event <= cycle:
         bus.next_event = next_event(s)
         if bus.next_event > cycle:
@@ -687,13 +693,13 @@ def run(s: State, cycle: int) -> bool:
 # ------------------------------------------------------------------------------------ transactions
 
 
-@njit(cache=True)
+@kernel
 def transact(s: State, accesses: Any, first: int) -> int:
     """Carry out accesses from number ``first`` on; return the number of the first one not done.
 
     That is less than the number of accesses if a buffer is full.
     """
-    bus = s.bus[0]
+    bus = s.world.bus
     for n in range(first, accesses.size):
         access = accesses[n]
         cycle = max(access.cycle, bus.last_access + bus.access_cycles, bus.done)
@@ -713,14 +719,14 @@ def transact(s: State, accesses: Any, first: int) -> int:
             else:
                 access.value = bus.byte
         elif op == DATA_WRITE:
-            value = np.int64(access.value)
+            bus.byte = access.value
+            value = bus.byte
             if starts_soft_latch(s, b, register, value):
                 if not advance_all(s, cycle):
                     return n
                 latch_event(s, 1 << b, cycle < bus.intr_until, cycle)
             if not write_register(s, b, register, value, cycle):
                 return n
-            bus.byte = value
             step_address(s)
         elif op == DATA_READ:
             bus.byte = read_register(s, b, register)
@@ -732,47 +738,47 @@ def transact(s: State, accesses: Any, first: int) -> int:
         access.timeout = timeout
         access.cycle = cycle
         bus.last_access = bus.done = cycle
-    return accesses.size
+    return int(accesses.size)
 
 
 # ----------------------------------------------------------------------- control outside the pins
 
 
-@njit(cache=True)
+@kernel
 def set_input(s: State, pin: int, level: int) -> None:
     """Bring a digital or chain input to a level at once, past the synchroniser.
 
     All edges up to the present cycle must be done, axes included.
     """
-    bus = s.bus[0]
+    bus = s.world.bus
     for n in range(bus.head, s.queue.shape[0]):
         if s.queue[n, 0] <= bus.done + SYNCHRONISER and s.queue[n, 1] == pin + BUS_PINS:
             s.queue[n, 2] = level  # was in the synchroniser
-    s.inputs[pin].seen = level
+    s.world.inputs[pin].seen = level
     b, kind = pin // INPUT_PINS, pin % INPUT_PINS
     if kind == CHAIN_PIN:
-        s.boards[b].chain = level
-        settle_estop(s, b, s.boards[b].running, bus.done)
+        s.world.boards[b].chain = level
+        settle_estop(s, b, s.world.boards[b].running, bus.done)
     else:
         n = kind - DIN_PIN
-        s.boards[b].din = s.boards[b].din & ~(1 << n) | (level << n)
+        s.world.boards[b].din = s.world.boards[b].din & ~(1 << n) | (level << n)
 
 
-@njit(cache=True)
+@kernel
 def set_encoder(s: State, b: int, i: int, value: int) -> None:
     """Set an encoder counter, unless it is loading a position or the board is in reset.
 
     All edges up to the present cycle must be done, axes included.
     """
-    loading = loads(s.boards[b].encoder_control, i)
-    if not s.bus[0].in_reset and not loading:
-        s.axes[b, i].encoder = value & COUNT_MASK
+    loading = loads(s.world.boards[b].encoder_control, i)
+    if not s.world.bus.in_reset and not loading:
+        s.world.axes[b, i].encoder = value & COUNT_MASK
 
 
-@njit(cache=True)
+@kernel
 def set_ninit(s: State, level: int) -> None:
     """Bring nINIT to a level after the present edge; axes must have been run up to it."""
-    bus = s.bus[0]
+    bus = s.world.bus
     bus.ninit = level
     if level == 0 and not bus.in_reset:
         enter_reset(s, bus.done)
@@ -782,10 +788,10 @@ def set_ninit(s: State, level: int) -> None:
         drive_bus(s, max(bus.done, 0))
 
 
-@njit(cache=True)
+@kernel
 def unknown_op(accesses: Any) -> int:
     """Return the number of the first access with an unknown op, or the number of accesses."""
     for n in range(accesses.size):
         if accesses[n].op not in (ADDRESS_WRITE, DATA_WRITE, DATA_READ, ADDRESS_READ):
             return n
-    return accesses.size
+    return int(accesses.size)

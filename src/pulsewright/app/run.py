@@ -194,7 +194,7 @@ class Job:
                 motor_matrix=matrix,
                 limits=limits,
                 clock_hz=driver.bus.clock_hz,
-                motors=numbered_pins(len(matrix)),
+                motors=numbered_pins(len(matrix), room.positive_direction),
                 drives=[drive] * len(matrix),
                 start_cycle=player.start_cycle,
                 tolerances=Tolerances(settle=2 * player.update),

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final, Literal, overload
 
-from pulsewright.boards import usc
+from pulsewright.boards import pluto_step, usc
 from pulsewright.boards.board import Board
 from pulsewright.errors import UsageError
 
 if TYPE_CHECKING:
+    from pulsewright.boards.pluto_step.driver import PlutoStepDriver
     from pulsewright.boards.usc.driver import UscDriver
     from pulsewright.transport.bus import EppBus
 
-BOARDS: Final = {board.name: board for board in (usc.BOARD,)}
+BOARDS: Final = {board.name: board for board in (pluto_step.BOARD, usc.BOARD)}
 LINKS: Final = {"twin:": "a new simulated board in this process"}
 
 
@@ -30,6 +31,10 @@ def get(name: str) -> Board:
         raise UsageError(f"no board '{name}'; the boards are {', '.join(BOARDS)}") from None
 
 
+@overload
+def open_board(
+    name: Literal["pluto_step"], link: str = ..., profile: str | None = ..., **switches: int
+) -> PlutoStepDriver: ...
 @overload
 def open_board(
     name: Literal["usc"], link: str = ..., profile: str | None = ..., **switches: int

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pulsewright.errors import UsageError
 from pulsewright.registers.model import RegisterMap
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pulsewright.boards.golden import Golden
+    from pulsewright.edges.trace import EdgeTrace
+
+    Load = Callable[[Path | str], Golden]
+    Replay = Callable[[Golden, str], EdgeTrace]
 
 
 @dataclass(frozen=True)
@@ -35,6 +44,12 @@ class Board:
         ``driver(bus, profile, **switches)`` returns a driver for a board on an open bus.
     player : callable
         ``player(driver, trajectory, **limits)`` returns what plays planned motion on the board.
+    positive_direction : int
+        Level of the direction pins while a motor's position rises (0 or 1).
+    recordings : callable, optional
+        ``recordings()`` returns two functions for recordings of the original controller:
+        ``load(path)`` gives a `Golden`, ``replay(golden, engine)`` what an engine (``twin``,
+        ``rtl``) makes of its inputs, an `EdgeTrace`.
     """
 
     name: str
@@ -46,6 +61,8 @@ class Board:
     twin: Callable[..., Any]
     driver: Callable[..., Any]
     player: Callable[..., Any]
+    positive_direction: int = 1
+    recordings: Callable[[], tuple[Load, Replay]] | None = None
 
     def switches(self, profile: str | None = None, **changes: int) -> dict[str, int]:
         """Return the switches of a profile (None: the default one), with ``changes`` made.

@@ -32,9 +32,12 @@ class MotorPins:
     positive: int = 1
 
 
-def numbered_pins(motors: int) -> tuple[MotorPins, ...]:
-    """Return the pins step0, dir0, step1, dir1, ... that every board here has."""
-    return tuple(MotorPins(f"step{i}", f"dir{i}") for i in range(motors))
+def numbered_pins(motors: int, positive: int = 1) -> tuple[MotorPins, ...]:
+    """Return the pins step0, dir0, step1, dir1, ... that every board here has.
+
+    ``positive`` is the level of the direction pins that counts upwards.
+    """
+    return tuple(MotorPins(f"step{i}", f"dir{i}", positive=positive) for i in range(motors))
 
 
 def require_pins(trace: EdgeTrace, motors: Sequence[MotorPins]) -> None:

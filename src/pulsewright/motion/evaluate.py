@@ -42,3 +42,24 @@ def piece_at(start: Floats, t: float, k: int) -> int:
     while k < last and t >= start[k + 1]:
         k += 1
     return k
+
+
+@njit(cache=True, inline="always")
+def position_at(
+    geometry: tuple[Floats, Floats, Floats, Floats],
+    law: tuple[NDArray[np.int32], Floats, Floats],
+    axis: int,
+    t: float,
+    k: int,
+) -> tuple[float, int]:
+    """Return one coordinate at time ``t``, and the piece that holds it; at rest before and after.
+
+    ``geometry`` is (poly, cosine, sine, omega) and ``law`` is (element, start, law) of a
+    `Trajectory`; ``k`` is a piece at or before ``t``.
+    """
+    poly, cosine, sine, omega = geometry
+    element, start, time_law = law
+    t = min(max(t, 0.0), start[-1])
+    k = piece_at(start, t, k)
+    s = path_coordinate(time_law, k, t - start[k])
+    return coordinate(poly, cosine, sine, omega, element[k], axis, s), k

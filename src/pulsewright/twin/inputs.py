@@ -55,7 +55,7 @@ class InputPins:
         events[:, 1] = self._numbers(pins)
         events[:, 2] = levels
         if len(events):
-            self._check(*events.T, done)
+            self._check(events, done)
         return events
 
     def _numbers(self, pins: str | Sequence[str] | ArrayLike) -> NDArray[np.int64]:
@@ -70,13 +70,8 @@ class InputPins:
             )
         return np.array([self._number[str(name)] for name in names], np.int64)[place]
 
-    def _check(
-        self,
-        cycle: NDArray[np.int64],
-        pin: NDArray[np.int64],
-        level: NDArray[np.int64],
-        done: int,
-    ) -> None:
+    def _check(self, events: NDArray[np.int64], done: int) -> None:
+        cycle, pin, level = events.T
         if cycle.min() <= done:
             raise UsageError(
                 f"{self.twin}: an input change at cycle {cycle.min()}, but that is over; cycles "

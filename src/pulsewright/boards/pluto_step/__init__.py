@@ -8,6 +8,7 @@ from pulsewright.boards.board import Board
 from pulsewright.boards.pluto_step.registers import DEFAULT_PROFILE, PROFILES
 
 if TYPE_CHECKING:
+    from pulsewright.boards.board import Load, Replay
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
     from pulsewright.boards.pluto_step.player import PlutoStepPlayer
     from pulsewright.boards.pluto_step.twin import PlutoStepTwin
@@ -40,6 +41,12 @@ def _player(driver: PlutoStepDriver, trajectory: Trajectory, **limits: Any) -> P
     return PlutoStepPlayer(driver, trajectory, **limits)
 
 
+def _recordings() -> tuple[Load, Replay]:
+    from pulsewright.boards.pluto_step.golden import load, replay
+
+    return load, replay
+
+
 BOARD: Final = Board(
     name="pluto_step",
     title="Pluto-step, four-axis step generator",
@@ -50,4 +57,6 @@ BOARD: Final = Board(
     twin=_twin,
     driver=_driver,
     player=_player,
+    positive_direction=0,
+    recordings=_recordings,
 )

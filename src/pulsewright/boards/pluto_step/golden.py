@@ -1,9 +1,10 @@
-"""Recordings of the original controller in the format ``pluto-golden-1``."""
+"""Recordings of the original controller (format ``pluto-golden-1``), and what replays them."""
 
 from __future__ import annotations
 
 import json
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +16,7 @@ from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import UsageError
 
 FORMAT: Final = "pluto-golden-1"
-# Input word: pin, lowest bit, bits.
+# Pins of an input word: name, lowest bit, bits.
 INPUTS: Final = (
     ("nwrite", 0, 1),
     ("ndatastr", 1, 1),
@@ -25,7 +26,7 @@ INPUTS: Final = (
     *((f"din{n}", 16 + n, 1) for n in range(16)),
 )
 IDLE: Final = 0xF  # input word before the first row
-# Output word, from bit 0 up.
+# Pins of an output word, from bit 0 up. Those that are high-Z, and data not driven, are 0.
 OUTPUTS: Final = (
     *(f"step{axis}" for axis in range(4)),
     *(f"dir{axis}" for axis in range(4)),
@@ -34,6 +35,19 @@ OUTPUTS: Final = (
     *(f"data{n}" for n in range(8)),
 )
 HIGH: Final = ("nwait", "nconfig")  # before edge 0
+# The same words as ports of the gateware: name, lowest bit, bits.
+INPUT_PORTS: Final = (
+    *(("nwrite", 0, 1), ("ndatastr", 1, 1), ("naddrstr", 2, 1), ("nreset", 3, 1)),
+    *(("data_i", 4, 8), ("din", 16, 16)),
+)
+OUTPUT_PORTS: Final = (
+    *(("step", 0, 4), ("dir", 4, 4), ("dout", 8, 14), ("led", 22, 1), ("tristate", 23, 1)),
+    *(("nwait", 24, 1), ("nconfig", 25, 1), ("data_oe", 26, 1), ("data_o", 27, 8)),
+)
+HIGH_Z: Final = 0x7FFFFF  # of an output word, while tristate
+DATA: Final = 0xFF << 27  # while not driven
+
+Words = NDArray[np.int64]
 
 
 def load(path: Path | str) -> Golden:
@@ -49,15 +63,20 @@ def load(path: Path | str) -> Golden:
             meta = json.loads(str(data["meta"]))
             if meta["format"] != FORMAT:
                 raise UsageError(f"{path}: format {meta['format']}, expected {FORMAT}")
-            cycle, pin, level = _stimulus(data["in_delta"], data["in_word"])
+            cycle, pin, level = _stimulus(
+                np.cumsum(data["in_delta"], dtype=np.int64), data["in_word"].astype(np.int64)
+            )
             return Golden(
                 name=meta["name"],
                 description=meta["description"],
                 cycle=cycle,
                 pin=pin,
                 level=level,
-                expected=_response(
-                    meta["clock_hz"], meta["n_cycles"], data["out_delta"], data["out_word"]
+                expected=_trace(
+                    meta["clock_hz"],
+                    meta["n_cycles"],
+                    np.cumsum(data["out_delta"], dtype=np.int64),
+                    data["out_word"].astype(np.int64),
                 ),
                 transactions=len(data["txn"]),
             )
@@ -67,12 +86,63 @@ def load(path: Path | str) -> Golden:
         raise UsageError(f"{path}: not a recording of pluto-step ({error})") from error
 
 
-def _stimulus(
-    delta: NDArray[np.uint32], word: NDArray[np.uint32]
-) -> tuple[NDArray[np.int64], NDArray[np.str_], NDArray[np.int64]]:
+def replay(golden: Golden, engine: str) -> EdgeTrace:
+    """Give the inputs of a recording to an engine; return every change of its output pins.
+
+    Parameters
+    ----------
+    golden : Golden
+        From `load`.
+    engine : str
+        ``twin``, or ``rtl``: the gateware in a simulator.
+
+    Raises
+    ------
+    UsageError
+        If the engine is unknown or cannot be run here.
+    """
+    if engine not in ENGINES:
+        raise UsageError(f"pluto_step has no engine '{engine}'; it has {', '.join(ENGINES)}")
+    return ENGINES[engine](golden)
+
+
+def _replay_twin(golden: Golden) -> EdgeTrace:
+    from pulsewright.boards.pluto_step.twin import PlutoStepTwin
+
+    twin = PlutoStepTwin(bus_pins=True)
+    twin.schedule(golden.cycle, golden.pin, golden.level)
+    twin.advance(golden.expected.end)
+    return twin.drain()
+
+
+def _replay_rtl(golden: Golden) -> EdgeTrace:
+    from pulsewright.boards.pluto_step.gateware import PlutoStep
+    from pulsewright.gateware.rtl import RtlSimulation
+
+    simulation = RtlSimulation(PlutoStep())
+    at, words = _input_words(golden)
+    stimulus = np.zeros(len(at), simulation.inputs)
+    stimulus["cycle"] = at
+    for port, lsb, width in INPUT_PORTS:
+        stimulus[port] = words >> lsb & ((1 << width) - 1)
+    rows = simulation.run(golden.expected.end, stimulus)
+    word = np.zeros(len(rows), np.int64)
+    for port, lsb, _ in OUTPUT_PORTS:
+        word |= rows[port].astype(np.int64) << lsb
+    word[rows["tristate"] == 1] &= ~HIGH_Z
+    word[rows["data_oe"] == 0] &= ~DATA
+    return _trace(golden.expected.clock_hz, golden.expected.end, rows["cycle"], word)
+
+
+ENGINES: Final[dict[str, Callable[[Golden], EdgeTrace]]] = {
+    "twin": _replay_twin,
+    "rtl": _replay_rtl,
+}
+
+
+def _stimulus(at: Words, word: Words) -> tuple[Words, NDArray[np.str_], Words]:
     """Return the changes of the input pins as columns, by cycle."""
-    at = np.cumsum(delta, dtype=np.int64)
-    words = np.concatenate([[IDLE], word]).astype(np.int64)
+    words = np.concatenate([[IDLE], word])
     cycle, pin, level = [], [], []
     for number, (_, lsb, width) in enumerate(INPUTS):
         value = words >> lsb & ((1 << width) - 1)
@@ -86,13 +156,22 @@ def _stimulus(
     return cycles[order], names[pins[order]], levels[order]
 
 
-def _response(
-    clock_hz: int, end: int, delta: NDArray[np.uint32], word: NDArray[np.uint64]
-) -> EdgeTrace:
-    at = np.cumsum(delta, dtype=np.int64)
+def _input_words(golden: Golden) -> tuple[Words, Words]:
+    """Return cycles and input words, from cycle 0 on; the inverse of `_stimulus`."""
+    at = np.unique(np.concatenate([[0], golden.cycle]))
+    words = np.zeros(len(at), np.int64)
+    for name, lsb, width in INPUTS:
+        mine = golden.pin == name
+        level = np.concatenate([[IDLE >> lsb & ((1 << width) - 1)], golden.level[mine]])
+        words |= level[np.searchsorted(golden.cycle[mine], at, side="right")] << lsb
+    return at, words
+
+
+def _trace(clock_hz: int, end: int, at: Words, word: Words) -> EdgeTrace:
+    """Return the changes of the output pins from words after the edges ``at``."""
     initial = np.array([pin in HIGH for pin in OUTPUTS], np.uint8)
     cycles = []
     for n, first in enumerate(initial):
-        level = np.concatenate([[first], word >> np.uint64(n) & np.uint64(1)]).astype(np.int8)
+        level = np.concatenate([[first], word >> n & 1])
         cycles.append(at[np.flatnonzero(np.diff(level))])
     return EdgeTrace(clock_hz, OUTPUTS, initial, tuple(cycles), 0, end)

@@ -151,7 +151,8 @@ def tap_of(timing: int) -> int:
 @inlined
 def stops(board: Any) -> bool:
     """Tell whether the expired watchdog makes all velocities count as 0."""
-    return board.tristate == 1 and (board.control & W_CONTROL_WATCHDOG_STOP_MASK) != 0
+    on: bool = board.tristate == 1 and (board.control & W_CONTROL_WATCHDOG_STOP_MASK) != 0
+    return on
 
 
 @inlined
@@ -244,7 +245,8 @@ def expire_watchdog(s: State, cycle: int) -> None:
 @inlined
 def bus_byte(board: Any) -> int:
     """Return the byte that a read sees, with the address already incremented."""
-    return (board.latch >> (8 * ((board.address - 1) & 3))) & 0xFF
+    byte: int = (board.latch >> (8 * ((board.address - 1) & 3))) & 0xFF
+    return byte
 
 
 @kernel
@@ -528,7 +530,7 @@ def unknown_op(accesses: Any) -> int:
         op = accesses[n].op
         if op != ADDRESS_WRITE and op != DATA_WRITE and op != DATA_READ and op != ADDRESS_READ:
             return n
-    return accesses.size
+    return len(accesses)
 
 
 @kernel
@@ -554,7 +556,7 @@ def transact(s: State, accesses: Any, first: int) -> int:
             else:
                 access.value = board.byte
         elif op == DATA_WRITE:
-            if not write_byte(s, np.int64(access.value), cycle, RESERVE):
+            if not write_byte(s, int(access.value), cycle, RESERVE):
                 return n
             board.byte = access.value
             board.writes[board.address] += 1
@@ -572,4 +574,4 @@ def transact(s: State, accesses: Any, first: int) -> int:
         access.timeout = timeout
         access.cycle = cycle
         board.last_access = board.done = cycle
-    return accesses.size
+    return len(accesses)

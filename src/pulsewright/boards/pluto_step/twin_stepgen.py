@@ -69,7 +69,8 @@ def places(rows: Rows, row: int, reserve: int) -> int:
     """Return how many edges a row can take so that ``reserve`` places stay free; many for none."""
     if row == NO_ROW:
         return MANY
-    return rows.pins[row].room - rows.pins[row].used - reserve
+    free: int = rows.pins[row].room - rows.pins[row].used
+    return free - reserve
 
 
 @inlined

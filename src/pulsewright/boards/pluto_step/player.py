@@ -1,0 +1,130 @@
+"""A trajectory played on a board: prepare it, stream it in portions, bring it to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from pulsewright.boards.pluto_step import registers as reg
+from pulsewright.boards.pluto_step.commands import Converter, PulseTiming
+from pulsewright.errors import MotionLimitError, RegisterValueError
+
+if TYPE_CHECKING:
+    from pulsewright.boards.pluto_step.driver import PlutoStepDriver
+    from pulsewright.motion.trajectory import Trajectory
+
+LEAD: Final = 625  # from the end of preparation to the first update [tick]
+
+
+class PlutoStepPlayer:
+    """Play motor positions on a pluto-step board. Creating one sends nothing; see `prepare`.
+
+    Parameters
+    ----------
+    driver : PlutoStepDriver
+        Of the board; nothing else may use it while this plays.
+    trajectory : Trajectory
+        Motor positions [step].
+    rates, accelerations : sequence of float
+        The most that each motor may do [step/s, step/s^2].
+    pulse_width, pulse_space, direction_setup, direction_hold : float
+        Minima of the drives [s].
+    """
+
+    def __init__(
+        self,
+        driver: PlutoStepDriver,
+        trajectory: Trajectory,
+        *,
+        rates: Sequence[float],
+        accelerations: Sequence[float],
+        pulse_width: float,
+        pulse_space: float,
+        direction_setup: float,
+        direction_hold: float,
+    ) -> None:
+        self.driver = driver
+        self.trajectory = trajectory
+        self.rate, self.acceleration = max(rates), max(accelerations)
+        self.pulse_width, self.pulse_space = pulse_width, pulse_space
+        # the hold time counts from the active edge; the board waits from the other one on
+        self.direction_time = max(direction_setup, direction_hold - pulse_width)
+        self._converter: Converter | None = None
+
+    def prepare(self) -> None:
+        """Bring the board from any state to rest, with its watchdog on.
+
+        Raises
+        ------
+        MotionLimitError
+            If the board cannot follow the motors' rates or accelerations with these pulses.
+        RegisterValueError
+            If a pulse time is more than the board can make.
+        BusError, EstopError
+            If there is no such board, or the link is too slow for its watchdog.
+        """
+        driver = self.driver
+        try:
+            driver.initialise(
+                step_time=self.pulse_width,
+                step_space=self.pulse_space,
+                direction_time=self.direction_time,
+                max_rate=self.rate,
+            )
+        except RegisterValueError as error:
+            raise MotionLimitError(str(error)) from error
+        for what, (asked, real) in driver.clamped.items():
+            raise RegisterValueError(
+                f"pluto_step: the drive asks for a {what} of {asked * 1e6:g} us, the most the "
+                f"board can do is {real * 1e6:g} us"
+            )
+        timing = PulseTiming(
+            step=driver.step_ticks,
+            space=driver.space_ticks,
+            direction=driver.direction_ticks,
+            tap=driver.tap,
+            access=driver.bus.access_cycles,
+        )
+        update = timing.update_period(self.rate, self.acceleration)
+        units = driver.read_units()
+        driver.release_estop()
+        first = (-(-driver.bus.now() // reg.TICK_CYCLES) + LEAD) * reg.TICK_CYCLES
+        self._converter = Converter(
+            self.trajectory, timing, units=units, first_cycle=first, update=update
+        )
+
+    @property
+    def converter(self) -> Converter:
+        """The conversion, its model and its position; after `prepare`."""
+        if self._converter is None:
+            raise RuntimeError("call prepare() first")
+        return self._converter
+
+    @property
+    def update(self) -> float:
+        """Time between updates [s]: two of them after a stop, every step of it has been made."""
+        return self.converter.update_cycles / reg.CLOCK_HZ
+
+    @property
+    def start_cycle(self) -> int:
+        """Clock cycle of the plan's second 0."""
+        return self.converter.start_cycle
+
+    @property
+    def done(self) -> bool:
+        """Whether the whole plan has been sent."""
+        return self.converter.done
+
+    def play(self, until: float) -> None:
+        """Stream the plan up to ``until`` [s], and see that the watchdog was fed all the time.
+
+        Raises
+        ------
+        EstopError
+            If the watchdog expired: the position is lost.
+        BusError
+            If the link failed.
+        """
+        updates = self.converter.convert(self.converter.updates_until(until))
+        self.driver.stream(updates)
+        self.driver.check_running()

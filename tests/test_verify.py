@@ -287,6 +287,15 @@ def test_a_step_before_the_start_is_seen():
     assert verdict["stops"].where == "step1"
 
 
+def test_a_motor_that_never_steps_is_left_behind():
+    verdict = verify(changed(TRACE, "step1", []), PLAN, L)
+    assert {"following", "stops", "path", "coverage"} <= failed(verdict)
+    assert (verdict["following"].worst, verdict["following"].where) == (600, "step1")
+    assert verdict["stops"].detail.startswith("600 lost: counted 0, planned 600.000")
+    assert verdict["coverage"].worst == pytest.approx(6.0)
+    assert verdict["end"].passed  # Y ends where it began
+
+
 def test_a_missing_direction_change_runs_away():
     verdict = verify(changed(TRACE, "dir0", []), PLAN, L)
     assert {"following", "end", "path", "coverage"} <= failed(verdict)
@@ -396,19 +405,24 @@ def test_overacceleration_is_found_per_axis():
     assert check.worst == pytest.approx(800, abs=4 * 0.0055 / 0.025**2)
 
 
-def test_an_abrupt_start_and_an_abrupt_end_are_seen():
+@pytest.mark.parametrize("end", [0.003, 0.2])
+@pytest.mark.parametrize("where", ["start", "end"])
+def test_an_abrupt_start_and_an_abrupt_end_are_seen(where, end):
+    # 5 mm to or from 50 mm/s with 250 mm/s^2 in 0.2 s; at the other end 50 mm/s within no time
     moves = straight((5, 0, 0))
+    law = (0.0, 50.0, -125.0, 0.0) if where == "start" else (0.0, 0.0, 125.0, 0.0)
     plan = dataclasses.replace(
         stop_and_go(moves),
         element=np.array([0], np.int32),
-        start=np.array([0.0, 0.1]),
-        law=np.array([[0.0, 50.0, 0.0, 0.0]]),
+        start=np.array([0.0, 0.2]),
+        law=np.array([law]),
     )
-    for cut in (ideal(plan, end=0.003), ideal(plan, end=0.2)):
-        verdict = verify(cut, plan, moves)
-        assert failed(verdict) == {"acceleration:X"}
-        # 50 mm/s within no time: over h = 25 ms it looks like 50 / h
-        assert verdict["acceleration:X"].worst == pytest.approx(2000, rel=0.02)
+    verdict = verify(ideal(plan, end=end), plan, moves)
+    assert failed(verdict) == {"acceleration:X"}
+    check = verdict["acceleration:X"]
+    assert check.time == pytest.approx(0 if where == "start" else 0.2, abs=0.004)
+    # over h = 25 ms it looks like 50 / h, less half of the ramp within the window
+    assert check.worst == pytest.approx(2000 - 125, abs=4 * 0.0055 / 0.025**2)
 
 
 def test_more_than_the_programmed_feed_is_found():
@@ -447,6 +461,70 @@ def test_a_helix_has_to_rise():
     verdict = verify(ideal(flat), flat, helix)
     assert {"path", "coverage"} <= failed(verdict)
     assert verdict["coverage"].worst == pytest.approx(2.0, abs=0.01)
+
+
+@pytest.mark.parametrize("plane", [Plane.YZ, Plane.ZX])
+def test_arcs_in_the_other_planes(plane):
+    helix = full_circle(5.0, feed=20.0, rise=2.0)
+    plan = stop_and_go(helix)
+    # X Y Z of the helix become the plane's first and second axis and its normal
+    columns = [*np.argsort([*plane.axes, int(plane)]).tolist(), 3, 4, 5]
+    turned = dataclasses.replace(
+        helix,
+        start=helix.start[columns],
+        end=helix.end[:, columns],
+        plane=np.array([plane], np.int8),
+    )
+    plan = dataclasses.replace(
+        plan,
+        poly=plan.poly[:, :, columns],
+        cosine=plan.cosine[:, columns],
+        sine=plan.sine[:, columns],
+    )
+    verdict = verify(ideal(plan), plan, turned)
+    assert failed(verdict) == set()
+    assert verdict["path"].worst < 0.0085
+    other = dataclasses.replace(turned, plane=np.array([Plane.XY], np.int8))
+    assert "path" in failed(verify(ideal(plan), plan, other))
+
+
+@pytest.mark.parametrize(
+    ("point", "sweep", "rise", "distance"),
+    [
+        ((6, 0, 0), 90, 0, 1),  # beside its start
+        ((0, 0, 0), 90, 0, 5),  # the centre is equally far from all of it
+        ((3, 3, 0), 90, 0, 5 - math.hypot(3, 3)),
+        ((0, -5, 0), 90, 0, math.hypot(5, 5)),  # nearest is an end
+        ((3, -3, 4), -90, 0, math.hypot(5 - math.hypot(3, 3), 4)),
+        ((6, 0, 2), 3 * 360, 3, 1),  # beside the end of a helix' second turn
+        ((4, 0, 9), 3 * 360, 3, math.hypot(1, 6)),  # above its end
+    ],
+)
+def test_distance_from_an_arc_of_radius_5_by_hand(point, sweep, rise, distance):
+    from pulsewright.verify.kernels import arc_distance2
+
+    arc = np.array([0.0, math.radians(sweep), 5.0, 5.0, rise])
+    square = arc_distance2(*map(float, point), 0.0, 0.0, 0.0, arc)
+    assert math.sqrt(square) == pytest.approx(distance, abs=1e-9)
+
+
+def test_distance_from_spirals_and_helices_is_that_of_their_nearest_point():
+    from pulsewright.verify.kernels import arc_distance2
+
+    random = np.random.default_rng(1)
+    u = np.linspace(0, 1, 20_001)
+    for _ in range(300):
+        begin, sweep, rise = random.uniform(-7, 7), random.uniform(-15, 15), random.uniform(-6, 6)
+        r0 = random.uniform(1, 5)
+        r1 = r0 + random.uniform(-0.01, 0.01)
+        r, angle = r0 + (r1 - r0) * u, begin + sweep * u
+        curve = np.stack([r * np.cos(angle), r * np.sin(angle), rise * u])
+        # as a machine would be: close to the curve, at most a tenth of its radius away
+        near = curve[:, random.integers(len(u))] + random.uniform(-0.05, 0.05, 3) * r0
+        brute = np.linalg.norm(curve - near[:, None], axis=0).min()
+        square = arc_distance2(*near, 0.0, 0.0, 0.0, np.array([begin, sweep, r0, r1, rise]))
+        assert math.sqrt(square) == pytest.approx(brute, abs=2e-4)
+        assert math.sqrt(square) <= brute + 1e-9
 
 
 def test_a_stop_of_an_instant_must_be_reached():

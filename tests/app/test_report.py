@@ -149,7 +149,7 @@ def test_the_page_says_fail_and_what_failed_where(tmp_path):
     write_report(verdict(lost=1), CONTEXT | {"program": str(program)}, tmp_path)
     words = page(tmp_path).words
     assert "FAIL" in words
-    assert "lost steps at line 2" in words
+    assert "1 of 6 checks fail: lost steps (line 2)" in words
     assert "G1 X10 F600 (cut)" in words
     assert json.loads((tmp_path / "report.json").read_text())["passed"] is False
 

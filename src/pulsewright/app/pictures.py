@@ -69,11 +69,11 @@ def path_picture(verdict: Verdict, title: str) -> bytes:
     )
     norm = Normalize(0.0, top)
     deep = bool(len(xyz)) and bool(np.ptp(xyz[:, 2]) > 0)
-    with rc_context(_STYLE):
+    with rc_context(_STYLE | {"font.size": 13}):
         projections = (np.eye(3)[:, :2], ISOMETRIC)[: 1 + deep]
         shapes = [_shape(xyz, projection) for projection in projections]
         figure = Figure(
-            figsize=(HEIGHT * sum(shapes) + 2.2, HEIGHT + 0.6), dpi=150, layout="constrained"
+            figsize=(HEIGHT * sum(shapes) + 2.4, HEIGHT + 0.8), dpi=120, layout="constrained"
         )
         views = figure.subplots(1, len(shapes), squeeze=False, width_ratios=shapes)[0]
         marks = _marks(verdict)
@@ -93,14 +93,14 @@ def path_picture(verdict: Verdict, title: str) -> bytes:
             aspect=30,
             pad=0.02,
         )
-        figure.suptitle(title, x=0.01, ha="left", fontsize=13, fontweight="bold")
+        figure.suptitle(title, x=0.01, ha="left", fontsize=17, fontweight="bold")
         figure.text(
             0.995,
             0.985,
             "PASS" if verdict.passed else "FAIL",
             ha="right",
             va="top",
-            fontsize=15,
+            fontsize=20,
             fontweight="bold",
             color=GREEN if verdict.passed else RED,
         )
@@ -177,10 +177,10 @@ def _draw_marks(axes: Axes, marks: Sequence[tuple[Check, str, str]], projection:
         axes.annotate(
             label,
             (u, v),
-            xytext=(18, 18 + 22 * k),
+            xytext=(18, 18 + 28 * k),
             textcoords="offset points",
             color=colour,
-            fontsize=9,
+            fontsize=12,
             zorder=7,
             arrowprops={"arrowstyle": "-", "color": colour, "shrinkB": 6, "linewidth": 0.8},
             bbox={
@@ -218,7 +218,7 @@ def _finish_isometric(axes: Axes, xyz: Floats) -> None:
             ha=("right", "left", "right")[axis],
             va=("top", "top", "center")[axis],
             color="#616e7c",
-            fontsize=9,
+            fontsize=12,
         )
     axes.set_axis_off()
 

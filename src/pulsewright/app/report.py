@@ -124,11 +124,11 @@ def clock_time(seconds: float) -> str:
 def _headline(verdict: Verdict) -> str:
     if verdict.passed:
         return f"all {len(verdict.checks)} checks hold on {verdict.steps:,} recorded steps"
-    failed = verdict.failed
-    first = failed[0]
-    line = "" if first.line is None else f" at line {first.line}"
-    more = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
-    return f"{first.title}{line}{more}"
+    failed = [
+        check.title + ("" if check.line is None else f" (line {check.line})")
+        for check in verdict.failed
+    ]
+    return f"{len(failed)} of {len(verdict.checks)} checks fail: {'; '.join(failed)}"
 
 
 def _tiles(verdict: Verdict) -> list[tuple[str, str, str]]:
@@ -229,7 +229,7 @@ def _number(value: float | None) -> str:
         return "∞"
     if abs(value - round(value)) < 1e-9 and abs(value) < 1e9:
         return f"{round(value):,}"
-    return f"{value:.4g}"
+    return f"{value:,.0f}" if 1e4 <= abs(value) < 1e9 else f"{value:.4g}"
 
 
 def _value(value: Any) -> str:

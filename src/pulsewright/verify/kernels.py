@@ -214,46 +214,50 @@ def arc_distance2(
     begin, sweep, r0, r1, rise = arc[0], arc[1], arc[2], arc[3], arc[4]
     x, y, z = p0 - c0, p1 - c1, p2 - n0
     angle = math.atan2(y, x)
-    best = math.inf
-    # both ends, and the foot of the perpendicular in every turn that could hold the nearest point
-    for u in (0.0, 1.0):
-        r = r0 + (r1 - r0) * u
-        a = begin + sweep * u
-        best = min(
-            best,
-            (r * math.cos(a) - x) ** 2 + (r * math.sin(a) - y) ** 2 + (rise * u - z) ** 2,
-        )
+    best = min(_at_arc(0.0, x, y, z, arc), _at_arc(1.0, x, y, z, arc))
     if sweep == 0.0:
         return best
+    # Starts for Newton's method on the derivative of the distance: where the arc has the point's
+    # angle, in the turns nearest to its height; and where it has its height, for steep helices.
+    # On a flat circle the first is the nearest point already.
     turn = 2.0 * math.pi / abs(sweep)
-    u0 = ((angle - begin) / sweep) % turn
-    turns = math.floor((1.0 - u0) / turn) if u0 <= 1.0 else -1
+    u = ((angle - begin) / sweep) % turn
+    turns = max(0, math.floor((1.0 - u) / turn))
     middle = 0
     if rise != 0.0:
-        middle = round((z / rise - u0) / turn)
-    for k in range(max(0, middle - 1), min(turns, middle + 1) + 1):
-        u = u0 + k * turn
-        for _ in range(4):  # Newton on the derivative of the distance; exact at once on a circle
-            r = r0 + (r1 - r0) * u
-            a = begin + sweep * u
-            cos, sin = math.cos(a), math.sin(a)
+        middle = min(max(round((z / rise - u) / turn), 0), turns)
+    for k in range(-1, 3):
+        at = u + (middle + k) * turn
+        if k == 2:
+            at = z / rise if rise != 0.0 else 0.0
+        at = min(max(at, 0.0), 1.0)
+        for _ in range(8):
+            r = r0 + (r1 - r0) * at
+            cos, sin = math.cos(begin + sweep * at), math.sin(begin + sweep * at)
             dx = (r1 - r0) * cos - r * sweep * sin
             dy = (r1 - r0) * sin + r * sweep * cos
-            ex, ey, ez = r * cos - x, r * sin - y, rise * u - z
+            ex, ey, ez = r * cos - x, r * sin - y, rise * at - z
             slope = ex * dx + ey * dy + ez * rise
             ddx = -2.0 * (r1 - r0) * sweep * sin - r * sweep * sweep * cos
             ddy = 2.0 * (r1 - r0) * sweep * cos - r * sweep * sweep * sin
             curve = dx * dx + dy * dy + rise * rise + ex * ddx + ey * ddy
             if curve <= 0.0:
                 break
-            u = min(max(u - slope / curve, 0.0), 1.0)
-        r = r0 + (r1 - r0) * u
-        a = begin + sweep * u
-        best = min(
-            best,
-            (r * math.cos(a) - x) ** 2 + (r * math.sin(a) - y) ** 2 + (rise * u - z) ** 2,
-        )
+            before = at
+            at = min(max(at - slope / curve, 0.0), 1.0)
+            if abs(at - before) < 1e-12:
+                break
+        best = min(best, _at_arc(at, x, y, z, arc))
     return best
+
+
+@njit(cache=True, inline="always")
+def _at_arc(u: float, x: float, y: float, z: float, arc: Floats) -> float:
+    """Return the squared distance of a point from the arc's point at u, 0..1."""
+    r = arc[2] + (arc[3] - arc[2]) * u
+    angle = arc[0] + arc[1] * u
+    dx, dy, dz = r * math.cos(angle) - x, r * math.sin(angle) - y, arc[4] * u - z
+    return float(dx * dx + dy * dy + dz * dz)
 
 
 @njit(cache=True)

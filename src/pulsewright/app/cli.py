@@ -99,6 +99,29 @@ def regs(
 
 
 @app.command()
+def check(
+    board: Annotated[str, typer.Argument(metavar="BOARD", help="For example pluto_step.")],
+    golden: Annotated[
+        list[Path], typer.Option(metavar="PATH", help="Recordings, or folders of them.")
+    ],
+    engine: Annotated[str, typer.Option(help="twin, rtl or both.")] = "both",
+    as_json: Json = False,
+) -> None:
+    """Replay recordings of the original controller; exit 0 only if every pin change matches."""
+    from pulsewright.app import check as check_module
+    from pulsewright.app.progress import progress
+
+    with progress() as report_progress:
+        result = check_module.check(board, golden, engine, report_progress)
+    if as_json:
+        _print_json(result.summary())
+    else:
+        print(result.text())
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+@app.command()
 def bench(
     name: Annotated[
         str | None, typer.Argument(metavar="[NAME]", help="twin or job; default: all.")

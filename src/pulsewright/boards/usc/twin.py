@@ -28,11 +28,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pulsewright.boards.usc import BOARD as ROOM
+from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.usc import twin_kernel as kernel
 from pulsewright.boards.usc.registers import (
     CLOCK_HZ,
     DEFAULT_PROFILE,
+    MAP,
     TICK_HZ,
     W_SETUP_RESET,
     W_WIDTH_RESET,
@@ -77,7 +78,8 @@ class UscTwin:
     clock_hz : int
         Core clock [Hz], a multiple of 10 MHz.
     access_cycles : int, optional
-        Time of one access of `transact` [cycle]; default 1.5 us.
+        Time of one access of `transact` [cycle]; default 1.5 us. With 0 every access can have the
+        cycle it wants.
     bus_pins : bool
         Record the pins ``nwait``, ``drive`` (a board drives the data bus) and ``data0`` ..
         ``data7`` (0 while not driven). They follow the strobes given to `schedule`, not `transact`.
@@ -107,8 +109,13 @@ class UscTwin:
 
     Examples
     --------
-    >>> twin = UscTwin(watchdog_us=0)
-    >>> twin.transact(np.array([(-1, ord("A"), 0x0F, 0), (-1, ord("R"), 0, 0)], dtype=...))
+    >>> from pulsewright.transport.virtual import VirtualEppBus
+    >>> twin = UscTwin(profile="linuxcnc", boards=2)
+    >>> VirtualEppBus(twin).read(0x2F, 1).hex()  # module ID of the second board
+    '41'
+    >>> twin.advance(40_000)  # 1 ms
+    >>> twin.state()["estop"]
+    True
     """
 
     def __init__(
@@ -122,7 +129,7 @@ class UscTwin:
         nwait_idle: int = 0,
         **switches: int,
     ) -> None:
-        self.switches = ROOM.switches(profile, **switches)
+        self.switches = resolve_switches(MAP, profile, switches)
         base = self.switches["base"]
         if not 1 <= boards <= kernel.BOARDS_MAX - base:
             raise UsageError(
@@ -135,9 +142,9 @@ class UscTwin:
             )
         if access_cycles is None:
             access_cycles = clock_hz // 1000 * ACCESS_NS // 1_000_000
-        if access_cycles < 1:
+        if access_cycles < 0:
             raise UsageError(
-                f"usc twin: an access of {access_cycles} cycles; at least 1 is allowed"
+                f"usc twin: an access of {access_cycles} cycles; 0 or more are allowed"
             )
         if nwait_idle not in (0, 1):
             raise UsageError(f"usc twin: nwait_idle = {nwait_idle}; allowed are 0 and 1")
@@ -228,15 +235,18 @@ class UscTwin:
                 f"usc twin: accesses must be a one-dimensional array of EPP_ACCESS, not "
                 f"{accesses.ndim}-dimensional of {accesses.dtype}"
             )
-        bad = kernel.unknown_op(accesses)
+        bad = kernel.unknown_op(np.ascontiguousarray(accesses))
         if bad < len(accesses):
             raise BusError(
                 f"usc twin: access {bad} has op {int(accesses['op'][bad])}; allowed are "
                 "ADDRESS_WRITE, DATA_WRITE, DATA_READ and ADDRESS_READ"
             )
+        block = np.ascontiguousarray(accesses)  # the kernel is compiled for one layout
         done = 0
-        while (done := kernel.transact(self._s, accesses, done)) < len(accesses):
+        while (done := kernel.transact(self._s, block, done)) < len(block):
             self._grow()
+        if block is not accesses:
+            accesses[:] = block
 
     def reset(self) -> None:
         """Pulse nINIT: every board goes to its reset state; the present edge is its edge 0."""
@@ -326,20 +336,21 @@ class UscTwin:
         Returns
         -------
         dict
-            ``cycle`` and ``t`` [ns] of now; registers as raw codes: ``assembly``, ``rate``
-            (divisors), ``rate_ctrl``, ``setup``, ``width``, ``dout``, ``extra``, ``enc_ctrl``,
-            ``index_reset``, ``timer``, ``slave``, ``index_sense``; ``enc`` and ``latch`` (counters
-            and holding registers, unsigned); ``steps`` (signed position [step]), ``step_edges``
-            (pulses); ``din``; ``estop`` (True while in estop), ``estop_in`` (chain closed),
-            ``loopback``, ``watchdog_left`` (ticks until it expires, 0 if expired, None if off),
-            ``address`` (address register); ``reads`` and ``writes`` (data accesses by register).
+            ``now`` [cycle] and ``t``, the same in ns; registers as raw codes: ``assembly``,
+            ``rate`` (divisors), ``rate_ctrl``, ``setup``, ``width``, ``dout``, ``extra``,
+            ``enc_ctrl``, ``index_reset``, ``timer``, ``slave``, ``index_sense``; ``enc`` and
+            ``latch`` (counters and holding registers, unsigned); ``steps`` (signed position
+            [step]), ``step_edges`` (pulses); ``din``; ``estop`` (True while in estop),
+            ``estop_in`` (chain closed), ``loopback``, ``watchdog_left`` (ticks until it expires, 0
+            if expired, None if off), ``address`` (address register); ``reads`` and ``writes`` (data
+            accesses by register).
         """
         self._board(board)
         self._settle()
         registers, axes, bus = self._boards[board], self._axes[board], self._bus
         left = int(registers["watchdog_at"] - self.now) * TICK_HZ
         return {
-            "cycle": self.now,
+            "now": self.now,
             "t": self.now * 1_000_000_000 // self.clock_hz,
             "address": int(bus["address"]),
             "assembly": int(registers["assembly"]),
@@ -375,7 +386,8 @@ class UscTwin:
 
     def _settle(self) -> None:
         """Bring the axes to the present cycle; they run only when looked at."""
-        while not kernel.advance_all(self._s, int(self._bus["done"])):
+        done = int(self._bus["done"])
+        while not kernel.advance_all(self._s, done) or self._s.rows.full[0]:
             self._grow()
 
     def _board(self, board: int, axis: int = 0) -> int:

@@ -10,7 +10,7 @@ import pytest
 from pulsewright.app import cli
 from pulsewright.edges.trace import EdgeTrace
 
-SQUARE = """G21 G90 F1200
+SQUARE = """G21 G90 G61.1 F1200
 G1 X5
 G2 X10 Y5 R5
 G1 Y10 Z-1
@@ -102,7 +102,8 @@ BAD = {
     "unknown code": ("G21 G90\nG1 X5 F100\nG999\n", r"part\.ngc:3:1: "),
     "radius": ("F100\nG2 X10 Y0 I4 J0\n", r"part\.ngc:2.*4.*6"),
     "travel": ("G1 X10 F100\nG1 X9999\n", r"line 2: X reaches 9999 .*axis\.X\.max"),
-    "arc travel": ("G0 X399\nG2 X399 Y1 I0 J0.5 F100\nG3 X399 Y-9 R5 F100\n", "X reaches"),
+    # from the bottom of a circle of radius 5 about X399, counterclockwise: over X404
+    "arc travel": ("G0 X399\nG3 Y10 J5 F100\n", "line 2: X reaches 404 "),
     "no feed": ("G1 X10\n", r"part\.ngc:1:\d+: .*feed"),
     "feed of zero": ("G1 X10 F0\n", r"part\.ngc:1:\d+: .*feed"),
     "axis": ("G1 V10 F10\n", r"part\.ngc:1:4: .*V"),

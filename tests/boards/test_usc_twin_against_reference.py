@@ -138,7 +138,7 @@ def scenarios(draw):
         "watchdog_us": draw(st.sampled_from([0, 0, 0, 3, 50, 10_000])),
         **draw(SWITCHES),
     }
-    access_cycles = draw(st.sampled_from([1, 2, 7, 10, 60]))
+    access_cycles = draw(st.sampled_from([0, 1, 2, 7, 10, 60]))
     steps = draw(st.lists(st.tuples(GAP, commands(boards)), min_size=1, max_size=30))
     if draw(st.sampled_from([True, True, True, False])):  # boards that run are more interesting
         prelude = []

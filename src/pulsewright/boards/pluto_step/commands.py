@@ -8,7 +8,8 @@ units per tick, so the position misses the plan by half an update at most: U / 2
 2048 x 2^tap in a step, 0.16 steps at tap 0 and 1 kHz, 0.02 steps at tap 3.
 
 Positions of whole steps are half a step beyond a crossing, so that a step comes where the plan
-passes the middle between two positions, and rest is far from any crossing.
+passes the middle between two positions. Where the plan rests close to such a middle, the position
+rests as far from the crossing as rounding may be off, on the plan's side: the count is right.
 
 The model is integer and exact. It knows for how many ticks a change of direction freezes the
 position, and it holds because no word lets steps come closer than the pulses allow.
@@ -184,6 +185,7 @@ class Converter:
         self._state[:, 0] = np.floor(trajectory.at(0.0)[0] + 0.5).astype(np.int64) * unit + into
         self._state[:, 1] = 1
         self._state[:, 2] = -(1 << 40)  # long ago
+        self._ahead = np.full(motors, np.nan)
 
     @property
     def done(self) -> bool:
@@ -236,6 +238,7 @@ class Converter:
                 np.int64,
             ),
             self._state,
+            self._ahead,
             cycle,
             updates.velocity,
             updates.count,

@@ -6,18 +6,18 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pulsewright.boards.pluto_step.burst import VELOCITY_ACCESS
 from pulsewright.boards.pluto_step.registers import CLOCK_HZ, TICK_CYCLES
 from pulsewright.motion.evaluate import position_at
+from pulsewright.twin.kernel import inlined, kernel
 
 SECONDS_PER_CYCLE: Final = 1.0 / CLOCK_HZ
 POSITION, DIRECTION, CROSSING, PIECE = range(4)  # columns of the state
 
 
-@njit(cache=True)
+@inlined
 def freeze(commit: int, crossing: int, step: int, direction: int) -> int:
     """Return for how many ticks a change of direction that starts at ``commit`` stops the position.
 
@@ -29,22 +29,25 @@ def freeze(commit: int, crossing: int, step: int, direction: int) -> int:
     return max(0, step - (commit - started)) + 2 * direction + 1
 
 
-@njit(cache=True)
+@kernel
 def convert(
     geometry: Any,
     law: Any,
     parameters: NDArray[np.int64],
     state: NDArray[np.int64],
+    ahead: NDArray[np.float64],
     cycle: NDArray[np.int64],
     velocity: NDArray[np.int16],
     count: NDArray[np.int64],
 ) -> tuple[float, int, int]:
     """Fill ``velocity`` and ``count`` for updates at ``cycle``; advance ``state``.
 
-    Returns the largest distance from the plan at an update [step], its axis and the index of its
-    update.
+    ``ahead`` (motors,) holds the planned position at the end of the next update, NaN before the
+    first call. Returns the largest distance from the plan at an update [step], its axis and the
+    index of its update.
     """
     origin, update, step, direction, limit, unit, access = parameters
+    margin = update // 2 + 1  # more than half a word in an update [unit]
     worst, worst_axis, worst_update = 0.0, 0, 0
     for j in range(cycle.size):
         for i in range(state.shape[0]):
@@ -52,9 +55,16 @@ def convert(
             commit = (cycle[j] + VELOCITY_ACCESS[i] * access) // TICK_CYCLES + 1
             end = commit + update
             # a crossing shows at the pins one tick later: at ``end`` that of the tick before it
-            time = (end * TICK_CYCLES - origin) * SECONDS_PER_CYCLE
-            planned, state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
+            if math.isnan(ahead[i]):
+                time = (end * TICK_CYCLES - origin) * SECONDS_PER_CYCLE
+                ahead[i], state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
+            planned = ahead[i]
+            time = ((end + update) * TICK_CYCLES - origin) * SECONDS_PER_CYCLE
+            ahead[i], state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
             target = (planned + 0.5) * unit
+            if ahead[i] == planned:  # at rest: so far from a crossing that no rounding reaches it
+                step_below = math.floor(planned + 0.5) * unit
+                target = min(max(target, step_below + margin), step_below + unit - margin)
             error = target - state[i, POSITION]
 
             word = math.floor(error / update + 0.5)

@@ -100,7 +100,7 @@ class WriteBank(Component):
         latch = Signal(8 * self._size)
 
         def written(addresses: Iterable[int]) -> Value:
-            return self.write & self.address.matches(*addresses)
+            return self.write & self.address.matches(*_patterns(addresses, len(self.address)))
 
         # Byte k of the latch takes byte k of every register: all but the highest one, or all of
         # them where the map says that the latch is a register of its own.
@@ -135,3 +135,19 @@ class WriteBank(Component):
                 with m.If(commit[instance]):
                     m.d.sync += [here[field.name].eq(word[field.name]) for field in register.fields]
         return m
+
+
+def _patterns(addresses: Iterable[int], bits: int) -> list[str]:
+    """Return few patterns with don't-cares, such as ``-11--``, that match just these addresses."""
+    wanted = set(addresses)
+    left, patterns = sorted(wanted), []
+    while left:
+        fixed = (1 << bits) - 1
+        for bit in range(bits):
+            fewer = fixed & ~(1 << bit)
+            if wanted.issuperset(a for a in range(1 << bits) if not (a ^ left[0]) & fewer):
+                fixed = fewer
+        shown = [str(left[0] >> bit & 1) if fixed >> bit & 1 else "-" for bit in range(bits)]
+        patterns.append("".join(reversed(shown)))
+        left = [address for address in left if (address ^ left[0]) & fixed]
+    return patterns

@@ -30,7 +30,7 @@ from pulsewright.errors import UsageError
 _CHUNK: Final = 1 << 15  # rows of output that one call can return
 _PATIENCE: Final = 400  # cycles that an EPP host waits for nWait: 10 us at 40 MHz
 _EPP_PORTS: Final = {"nwrite", "ndatastr", "naddrstr", "data_i", "data_o", "nwait"}
-_FLAGS: Final = ("-std=c++14", "-O1", "-shared", "-fPIC", "-w")
+_FLAGS: Final = ("-std=c++14", "-O2", "-shared", "-fPIC", "-w")
 
 
 class RtlSimulation:

@@ -27,6 +27,7 @@ ORANGE: Final = "#c2570c"
 GREEN: Final = "#18794e"
 RED: Final = "#c62828"
 HEIGHT: Final = 7.0  # of a view of the path [inch]
+LEVELS: Final = 100  # colours of speed
 COLUMNS: Final = 1200  # points of a curve over time: more than a page shows
 ISOMETRIC: Final = np.array([[0.866, -0.5], [0.866, 0.5], [0.0, 1.0]])  # X right and down, Z up
 _STYLE: Any = {  # typed by matplotlib as a dictionary of 300 literal keys
@@ -132,22 +133,33 @@ def _draw_path(
         *travel.T, color=FAINT, linewidth=0.8, linestyle=(0, (4, 3)), zorder=2, label="traverse"
     )
     cut = np.flatnonzero(moving & ~sample.rapid[:-1])
-    segments = np.stack([points[cut], points[cut + 1]], axis=1)
-    axes.add_collection(
-        LineCollection(
-            list(segments),
-            array=fast[cut],
-            cmap=colours,
-            norm=norm,
-            linewidths=1.6,
-            capstyle="round",
-            zorder=3,
+    if len(cut):
+        # neighbours of nearly one speed make one line, which draws a hundred times faster
+        level = np.round(norm(fast[cut]) * LEVELS)
+        breaks = np.flatnonzero((np.diff(cut) > 1) | (np.diff(level) != 0)) + 1
+        first = np.append(0, breaks)
+        last = np.append(breaks, len(cut)) - 1
+        axes.add_collection(
+            LineCollection(
+                [points[cut[i] : cut[j] + 2] for i, j in zip(first, last, strict=True)],
+                colors=colours(level[first] / LEVELS),
+                linewidths=_width(points),
+                capstyle="round",
+                joinstyle="round",
+                zorder=3,
+            )
         )
-    )
     axes.plot(*points[0], "o", color="white", markeredgecolor=INK, markersize=7, zorder=5)
     axes.plot(*points[-1], "s", color=INK, markersize=5, zorder=5)
     axes.update_datalim(points)
     axes.autoscale_view()
+
+
+def _width(points: Floats) -> float:
+    """Return a line width [pt] that leaves gaps between the passes of a dense path."""
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    passes = length / max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-9)
+    return float(np.clip(2.2 - 0.25 * np.log2(max(passes, 1.0)), 0.5, 1.6))
 
 
 def _with_ends(segment: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -173,11 +185,13 @@ def _line(check: Check) -> str:
 def _draw_marks(axes: Axes, marks: Sequence[tuple[Check, str, str]], projection: Floats) -> None:
     for k, (check, label, colour) in enumerate(marks):
         u, v = np.array(check.position) @ projection
+        side = 1 if u < np.mean(axes.get_xlim()) else -1  # away from the view's nearer border
         axes.plot(u, v, "o", markersize=13, markerfacecolor="none", color=colour, zorder=6)
         axes.annotate(
             label,
             (u, v),
-            xytext=(18, 18 + 28 * k),
+            xytext=(18 * side, 18 + 28 * k),
+            ha="left" if side > 0 else "right",
             textcoords="offset points",
             color=colour,
             fontsize=12,
@@ -211,7 +225,7 @@ def _finish_isometric(axes: Axes, xyz: Floats) -> None:
         u, v = middle @ ISOMETRIC
         size = high[axis] - low[axis]
         axes.annotate(
-            f"{name} {size:.6g} mm",
+            f"{name} {size:.4g} mm",
             (u, v),
             xytext=((-8, -10), (8, -10), (-10, 0))[axis],
             textcoords="offset points",

@@ -41,6 +41,11 @@ class Clock:
 
     seconds: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def total(self) -> float:
+        """CPU time of all stages [s]."""
+        return sum(self.seconds.values())
+
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the CPU time of a ``with`` block to stage ``name``."""
@@ -317,7 +322,7 @@ class Result:
         lines = [
             f"{self.job.program.path} on {self.board} ({self.profile}): "
             f"{_clock_time(self.job.duration)} of machine time, {verdict.steps} steps, "
-            f"{self.real_time_ratio:.0f} x real time"
+            f"{self.job.clock.total:.1f} s of CPU"
         ]
         for check in verdict.checks:
             worst = "-" if check.worst is None else f"{check.worst:.4g}"

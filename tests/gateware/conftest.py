@@ -26,8 +26,9 @@ def simulate():
         async def bench(context):
             for cycle in range(cycles):
                 for name, levels in inputs.items():
-                    levels = levels if isinstance(levels, dict) else {0: levels}
-                    if cycle in levels:
+                    if not isinstance(levels, dict) and cycle == 0:
+                        context.set(getattr(component, name), levels)
+                    elif isinstance(levels, dict) and cycle in levels:
                         context.set(getattr(component, name), levels[cycle])
                 if not before:
                     await context.tick()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -32,3 +34,12 @@ def conformance() -> Path:
 def examples() -> Path:
     """The programs that ship with the package."""
     return ROOT / "examples"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip what simulates gateware where there is no C++ compiler."""
+    if os.environ.get("CXX") or any(map(shutil.which, ("g++", "clang++", "c++"))):
+        return
+    for item in items:
+        if item.get_closest_marker("rtl"):
+            item.add_marker(pytest.mark.skip("no C++ compiler (Debian: apt install g++)"))

@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from pulsewright.transport.bus import EppBus
 
 BOARDS: Final = {board.name: board for board in (pluto_step.BOARD, usc.BOARD)}
-LINKS: Final = {"twin:": "a new simulated board in this process"}
+LINKS: Final = {
+    "twin:": "a new simulated board in this process",
+    "rtl:": "its gateware, simulated clock by clock; needs the extra 'build' and a C++ compiler",
+}
 
 
 def get(name: str) -> Board:
@@ -51,7 +54,7 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **swi
     name : str
         A key of `BOARDS`.
     link : str
-        ``twin:``, a new simulated board, in its reset state.
+        A key of `LINKS`: a new simulated board, in its reset state.
     profile : str, optional
         How contradictions in the board's document are resolved; see the README of its room.
     **switches : int
@@ -77,9 +80,10 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **swi
 
 
 def _open_bus(board: Board, link: str, profile: str, switches: dict[str, int]) -> EppBus:
-    if link != "twin:":
+    if link not in LINKS:
         usable = "; ".join(f"'{url}' ({what})" for url, what in LINKS.items())
         raise UsageError(f"link '{link}' is not one that can be opened here; usable are {usable}")
     from pulsewright.transport.virtual import VirtualEppBus
 
-    return VirtualEppBus(board.twin(profile, **switches))
+    simulated = board.twin if link == "twin:" else board.rtl
+    return VirtualEppBus(simulated(profile, **switches))

@@ -40,6 +40,9 @@ class Board:
     twin : callable
         ``twin(profile, **options)`` returns a new twin, in its reset state; options are profile
         switches, and what else the room's twin knows.
+    rtl : callable
+        ``rtl(profile, **switches)`` returns the board's gateware in simulation, with the methods of
+        its twin that a bus uses.
     driver : callable
         ``driver(bus, profile, **switches)`` returns a driver for a board on an open bus.
     player : callable
@@ -59,6 +62,7 @@ class Board:
     default_profile: str
     registers: Callable[[], RegisterMap]
     twin: Callable[..., Any]
+    rtl: Callable[..., Any]
     driver: Callable[..., Any]
     player: Callable[..., Any]
     positive_direction: int = 1

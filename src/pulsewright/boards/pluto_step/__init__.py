@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
     from pulsewright.boards.pluto_step.player import PlutoStepPlayer
     from pulsewright.boards.pluto_step.twin import PlutoStepTwin
+    from pulsewright.gateware.rtl_board import RtlEppBoard
     from pulsewright.motion.trajectory import Trajectory
     from pulsewright.registers.model import RegisterMap
     from pulsewright.transport.bus import EppBus
@@ -27,6 +28,20 @@ def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> PlutoStepTwin:
     from pulsewright.boards.pluto_step.twin import PlutoStepTwin
 
     return PlutoStepTwin(profile=profile, **options)
+
+
+def _rtl(profile: str = DEFAULT_PROFILE, **switches: int) -> RtlEppBoard:
+    from pulsewright.boards.pluto_step.gateware import PlutoStep
+    from pulsewright.boards.pluto_step.registers import CLOCK_HZ
+    from pulsewright.gateware.rtl_board import RtlEppBoard
+
+    return RtlEppBoard(
+        PlutoStep(profile, **switches),
+        clock_hz=CLOCK_HZ,
+        nwait_idle=1,
+        idle={"nreset": 1},
+        pins={"step": "step", "dir": "dir", "dout": "out", "led": "led", "tristate": "tristate"},
+    )
 
 
 def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> PlutoStepDriver:
@@ -55,6 +70,7 @@ BOARD: Final = Board(
     default_profile=DEFAULT_PROFILE,
     registers=_registers,
     twin=_twin,
+    rtl=_rtl,
     driver=_driver,
     player=_player,
     positive_direction=0,

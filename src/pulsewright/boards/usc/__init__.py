@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from pulsewright.boards.usc.player import UscPlayer
     from pulsewright.boards.usc.twin import UscTwin
     from pulsewright.motion.trajectory import Trajectory
+    from pulsewright.gateware.rtl_board import RtlEppBoard
     from pulsewright.registers.model import RegisterMap
     from pulsewright.transport.bus import EppBus
 
@@ -26,6 +27,20 @@ def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> UscTwin:
     from pulsewright.boards.usc.twin import UscTwin
 
     return UscTwin(profile=profile, **options)
+
+
+def _rtl(profile: str = DEFAULT_PROFILE, **switches: int) -> RtlEppBoard:
+    from pulsewright.boards.usc.gateware import Usc
+    from pulsewright.boards.usc.registers import CLOCK_HZ
+    from pulsewright.gateware.rtl_board import RtlEppBoard
+
+    return RtlEppBoard(
+        Usc(profile, **switches),
+        clock_hz=CLOCK_HZ,
+        nwait_idle=0,
+        idle={"ninit": 1, "estop_chain": 1},
+        pins={name: name for name in ("step", "dir", "out", "dac", "running")},
+    )
 
 
 def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> UscDriver:
@@ -48,6 +63,7 @@ BOARD: Final = Board(
     default_profile=DEFAULT_PROFILE,
     registers=_registers,
     twin=_twin,
+    rtl=_rtl,
     driver=_driver,
     player=_player,
 )

@@ -1,0 +1,28 @@
+"""The same job on twin and gateware."""
+
+import pytest
+
+from pulsewright.app.run import Job
+from pulsewright.edges.trace import EdgeTrace
+
+PROGRAM = "M3 S1000\nG1 X0.4 Y-0.2 F1200\nG3 X0 Y0 R0.3\nM5\n"
+
+
+@pytest.mark.rtl
+@pytest.mark.parametrize("board", ["usc", "pluto_step"])
+def test_a_job_gives_the_same_trace_on_gateware_and_twin(board, tmp_path):
+    path = tmp_path / "part.ngc"
+    path.write_text(PROGRAM)
+    traces = []
+    for link in ("twin:", "rtl:"):
+        result = Job.from_gcode(path).run(board=board, link=link, out=tmp_path / link)
+        assert result.passed, result.text()
+        traces.append(EdgeTrace.load(tmp_path / link / "trace.npz"))
+    twin, rtl = traces
+    assert twin.pins == rtl.pins
+    assert sum(len(twin.edges(f"step{i}", 1)) for i in range(4)) > 200
+    end = min(twin.end, rtl.end)
+    assert end > result.job.duration * twin.clock_hz
+    for pin in twin.pins:
+        assert twin.level_at_start(pin) == rtl.level_at_start(pin), pin
+        assert twin[pin][twin[pin] < end].tolist() == rtl[pin][rtl[pin] < end].tolist(), pin

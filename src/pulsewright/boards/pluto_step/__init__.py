@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
     from pulsewright.boards.pluto_step.player import PlutoStepPlayer
     from pulsewright.boards.pluto_step.twin import PlutoStepTwin
-    from pulsewright.gateware.rtl_board import RtlEppBoard
+    from pulsewright.boards.rtl_board import RtlEppBoard
     from pulsewright.motion.trajectory import Trajectory
     from pulsewright.registers.model import RegisterMap
     from pulsewright.transport.bus import EppBus
@@ -33,7 +33,7 @@ def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> PlutoStepTwin:
 def _rtl(profile: str = DEFAULT_PROFILE, **switches: int) -> RtlEppBoard:
     from pulsewright.boards.pluto_step.gateware import PlutoStep
     from pulsewright.boards.pluto_step.registers import CLOCK_HZ
-    from pulsewright.gateware.rtl_board import RtlEppBoard
+    from pulsewright.boards.rtl_board import RtlEppBoard
 
     return RtlEppBoard(
         PlutoStep(profile, **switches),

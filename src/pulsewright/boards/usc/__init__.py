@@ -8,11 +8,11 @@ from pulsewright.boards.board import Board
 from pulsewright.boards.usc.registers import DEFAULT_PROFILE, PROFILES
 
 if TYPE_CHECKING:
+    from pulsewright.boards.rtl_board import RtlEppBoard
     from pulsewright.boards.usc.driver import UscDriver
     from pulsewright.boards.usc.player import UscPlayer
     from pulsewright.boards.usc.twin import UscTwin
     from pulsewright.motion.trajectory import Trajectory
-    from pulsewright.gateware.rtl_board import RtlEppBoard
     from pulsewright.registers.model import RegisterMap
     from pulsewright.transport.bus import EppBus
 
@@ -30,9 +30,9 @@ def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> UscTwin:
 
 
 def _rtl(profile: str = DEFAULT_PROFILE, **switches: int) -> RtlEppBoard:
+    from pulsewright.boards.rtl_board import RtlEppBoard
     from pulsewright.boards.usc.gateware import Usc
     from pulsewright.boards.usc.registers import CLOCK_HZ
-    from pulsewright.gateware.rtl_board import RtlEppBoard
 
     return RtlEppBoard(
         Usc(profile, **switches),

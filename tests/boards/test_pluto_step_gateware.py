@@ -245,11 +245,25 @@ def test_a_cancelled_reversal_flips_dir_while_step_is_high():
 
 
 def test_clean_cancel_holds_before_the_next_reversal():
-    session = RtlSimulation(PlutoStep(clean_cancel=1))
-    SIMULATIONS["clean"] = session
-    step, direction = cancelled_reversal("clean")
+    step, direction = cancelled_reversal(clean_cancel())
     assert step[:18] == "001111000110000000"
     assert direction[:18] == "000000000000001111"
+
+
+def test_clean_cancel_ends_the_hold_time():
+    session = Session(clean_cancel())
+    session.write(10, 10, *timing(0, 10))
+    for tick, value in ((0, 1024), (4, -1024), (6, 1024)):  # holds from tick 5 on
+        session.write(640 + 64 * tick - 40, 0, *velocity(value))
+    session.run(640 + 64 * 13)
+    assert session.levels("step", 0, 640 + 64 * np.arange(12)) == "001010001010"
+
+
+def clean_cancel():
+    """Name the `exact` profile with this one switch on."""
+    if "clean_cancel" not in SIMULATIONS:
+        SIMULATIONS["clean_cancel"] = RtlSimulation(PlutoStep(clean_cancel=1))
+    return "clean_cancel"
 
 
 def status(session, cycle):

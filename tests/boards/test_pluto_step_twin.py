@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pluto_step_reference import HOLD, RUN, SETUP, Axis, Reference
 
@@ -180,6 +180,8 @@ stretches = st.lists(
 
 @settings(max_examples=150, deadline=None)
 @given(stretches, st.integers(0, 1), st.integers(0, 1), st.booleans())
+# a long space that runs on after the host has made it short
+@example([(512, 0, 0, 0, 15, 7), (1024, 0, 0, 0, 0, 40)], 0, 1, False)
 def test_step_generator_equals_the_model_at_every_tick(parts, clean, enforce, hidden):
     """Closed form and tick by tick give the same state, whatever the host writes when."""
     model, axis = Axis(), np.zeros(1, stepgen.STEPGEN)
@@ -459,6 +461,27 @@ def test_status_is_cleared_by_the_read():
     assert status_byte(twin) == 0x01
     twin.advance(300_000)
     assert status_byte(twin) == 0x03
+
+
+def test_a_read_at_the_edge_of_a_tick_gives_what_was_before_it():
+    # v = 1024 as in vector 5: position 1024 after edge 128, 2048 after 192, 3072 after 256
+    host = Host().write(100, 0x00, 0x00, 0x04).aw(180, 0x00).dr(190).dr(200)
+    assert replies(host, [194, 204]) == [0x00, 0x04]
+    host = Host().write(100, 0x00, 0x00, 0x04).aw(181, 0x00).dr(191).dr(201)
+    assert replies(host, [195, 205]) == [0x00, 0x08]
+
+
+def test_a_step_that_ends_with_a_change_of_tap_is_not_missed():
+    """Velocity 1024 with STEP high for 16 ticks; the second step waits at position 5120."""
+    for tap, missed in ((1, 0x00), (0, 0x10)):
+        twin = PlutoStepTwin("extended", access_cycles=1, tap_sync=0)
+        twin.transact(write_accesses(0x0A, bytes([15, 0])))
+        twin.transact(write_accesses(0x00, bytes([0x00, 0x04])))
+        twin.advance(330)  # after tick 5, the fifth that adds
+        assert twin.state()["pos"][0] == 5120
+        twin.transact(write_accesses(0x0A, bytes([15 | tap << 6, 0])))
+        twin.advance(450)
+        assert status_byte(twin) == missed
 
 
 def test_joint_commit_moves_all_axes_at_the_same_tick():

@@ -54,12 +54,13 @@ def convert(
             # first tick under the new word, and first under the next one
             commit = (cycle[j] + VELOCITY_ACCESS[i] * access) // TICK_CYCLES + 1
             end = commit + update
-            # a crossing shows at the pins one tick later: at ``end`` that of the tick before it
+            # a crossing shows at the pins at the next tick: half a tick late on average
+            cycles = end * TICK_CYCLES + TICK_CYCLES // 2 - origin
             if math.isnan(ahead[i]):
-                time = (end * TICK_CYCLES - origin) * SECONDS_PER_CYCLE
+                time = cycles * SECONDS_PER_CYCLE
                 ahead[i], state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
             planned = ahead[i]
-            time = ((end + update) * TICK_CYCLES - origin) * SECONDS_PER_CYCLE
+            time = (cycles + update * TICK_CYCLES) * SECONDS_PER_CYCLE
             ahead[i], state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
             target = (planned + 0.5) * unit
             if ahead[i] == planned:  # at rest: so far from a crossing that no rounding reaches it

@@ -364,6 +364,57 @@ def test_timer_latches_every_100_us_times_rate():
         assert host.twin.state(1)["latch"][0] == value
 
 
+def latch_times(host, start, end):
+    """Cycles at which the latch of axis 0 takes a new count; the count changes all the time."""
+    times, last = [], host.twin.state()["latch"][0]
+    for cycle in range(start, end, 4):
+        host.twin.advance(cycle)
+        latch = host.twin.state()["latch"][0]
+        if latch != last:
+            times.append(cycle)
+            last = latch
+        host.twin.set_encoder(0, cycle)
+    return times
+
+
+def test_a_stopped_timer_starts_anew():
+    host = Host()
+    host.aw(0x04)
+    host.dw(0x11, cycle=1000)  # 100 us = 4000 cycles
+    host.aw(0x04)
+    host.dw(0x10, cycle=3000)
+    host.aw(0x04)
+    host.dw(0x11, cycle=5000)
+    assert latch_times(host, 5000, 9100) == [9000]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "at", "event"),
+    [(0x11, 0x12, 3000, 9000), (0x12, 0x11, 7000, 7004), (0x12, 0x11, 3000, 5000)],
+)
+def test_a_new_timer_rate_is_compared_by_magnitude(before, after, at, event):
+    host = Host()
+    host.aw(0x04)
+    host.dw(before, cycle=1000)
+    host.aw(0x04)
+    host.dw(after, cycle=at)
+    assert latch_times(host, at, event + 100) == [event]
+
+
+@pytest.mark.parametrize(("distance", "latched"), [(40, 1), (41, 2)])
+def test_intr_is_asserted_for_1_us(distance, latched):
+    """Another board's timer event latches this one, unless the line is still asserted."""
+    host = Host(boards=2)
+    host.aw(0x24)
+    host.dw(0x11, cycle=1000)  # its event is at 5000
+    host.aw(0x04)
+    host.twin.set_encoder(0, 1)
+    host.dw(0x20, cycle=5000 - distance)
+    host.twin.set_encoder(0, 2)
+    host.twin.advance(5000)
+    assert host.twin.state()["latch"][0] == latched
+
+
 def test_an_event_while_intr_is_asserted_latches_its_own_board_only():
     host = Host(boards=2, access_cycles=10)
     host.aw(0x04)
@@ -425,6 +476,17 @@ def test_digital_inputs_pass_two_flops():
     host.twin.set_din(0x1234)
     host.aw(0x0D)
     assert host.dr(2) == [0x34, 0x12]
+
+
+def test_an_input_that_is_set_flushes_its_synchroniser():
+    twin = UscTwin()
+    twin.schedule([100, 103], "din0", [1, 1])
+    twin.advance(101)  # edge 100 has sampled it
+    twin.set_din(0)
+    twin.advance(104)
+    assert twin.state()["din"] == 0
+    twin.advance(105)
+    assert twin.state()["din"] == 1
 
 
 def test_loopback_counts_each_step_once():

@@ -1,5 +1,7 @@
 """The twin against the slow model: every pin at every cycle, every byte read, every counter."""
 
+import random
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -35,6 +37,10 @@ KINDS = [
     *("divisors", "divisors", "divisor", "control", "codes", "outputs", "release", "timer"),
     *("encoders", "read", "any", "byte", "address", "din", "estop_in", "enc", "index"),
     *("loopback", "cycle", "cycle", "reset", "ninit"),
+]
+STORM_KINDS = [
+    *("control", "divisor", "two", "code", "release", "latch", "timer", "select"),
+    *("read", "din", "estop_in", "enc", "index", "loopback", "reset"),
 ]
 
 
@@ -148,6 +154,88 @@ def scenarios(draw):
         prelude += [address(0, 0x04), ("W", draw(st.sampled_from([0x00, 0x11])))]
         steps.insert(0, (0, prelude))
     return options, access_cycles, steps, draw(input_changes(boards))
+
+
+def storm(seed):
+    """A dense scenario: short periods, reversals in pulses, latches and inputs close together."""
+    rng = random.Random(seed)
+    boards = rng.choice([1, 1, 2])
+    clock = rng.choice([10, 20, 40])
+    options = {
+        "profile": rng.choice(["document", "linuxcnc"]),
+        "boards": boards,
+        "clock_hz": clock * 1_000_000,
+        "watchdog_us": rng.choice([0, 0, 5, 40]),
+        "min_space": rng.choice([1, 3, 5]),
+        "ident": rng.choice([0x41, 0x42]),
+        "sense_gate": rng.choice([0, 1]),
+        "mariss": rng.choice([0, 0, 1]),
+        "loopback": rng.choice([0, 1]),
+        "enc_filter": rng.choice([1, 2, 4]),
+    }
+    tick = clock // 10
+    highest = 255 if options["profile"] == "document" else 256
+
+    def code():
+        return highest - min(rng.choice([1, 1, 2, 3, 8, 20]), highest)
+
+    def divisor():
+        return rng.choice([0, 1, 2, 3, 5, 9, 9, 15, 30, 60]).to_bytes(3, "little")
+
+    def command():
+        b, i = rng.randrange(boards), rng.randrange(4)
+        kind = rng.choices(
+            STORM_KINDS,
+            [30, 15, 15, 10, 8, 8, 5, 8, 5, 2, 1, 4, 4, 1, 1],
+        )[0]
+        if kind == "control":
+            return [address(b, 0x1C), ("W", rng.choice([0xAA, 0xFF, rng.randrange(256)]))]
+        if kind in ("divisor", "two"):
+            count = 1 if kind == "divisor" else 2
+            data = b"".join(divisor() for _ in range(count))
+            return [address(b, 0x10 + 3 * min(i, 4 - count)), *(("W", d) for d in data)]
+        if kind == "code":
+            return [address(b, rng.choice([0x1D, 0x1E])), ("W", code())]
+        if kind == "release":
+            first = rng.choice([[], [("W", 0), address(b, 0x1F)]])
+            return [address(b, 0x1F), *first, ("W", 0x80 | rng.randrange(128))]
+        if kind == "latch":
+            return [
+                address(b, 4),
+                ("W", rng.choice([0x20, 0x30, 0x31])),
+                address(b, 4),
+                ("W", 0x11),
+            ]
+        if kind == "timer":
+            return [address(b, 4), ("W", rng.choice([0x11, 0x11, 0x01, 0x12, 0x31]))]
+        if kind == "select":
+            value = rng.choice([0, 0, rng.randrange(256), 1 << rng.randrange(8)])
+            return [address(b, rng.choice([0x03, 0x0C, 0x0D])), ("W", value)]
+        if kind == "read":
+            return [address(b, rng.choice([0, 9, 0x0C])), *[("R", 0)] * 4]
+        if kind == "reset":
+            return ("reset", 0)
+        last = {
+            "din": (rng.randrange(1 << 15),),
+            "enc": (i, rng.randrange(1 << 24)),
+            "index": (i,),
+        }.get(kind, (rng.choice([0, 1, 1]),))
+        return (kind, b, *last)
+
+    gaps = rng.choices(
+        [0, 1, 3, 10, 40, 120, 500], [30, 15, 20, 20, 10, 4, 1], k=rng.randint(30, 90)
+    )
+    steps = [(gap * tick // rng.choice([1, 2]), command()) for gap in gaps]
+    prelude = [address(0, 0x10), *[("W", d) for d in (9, 0, 0, 14, 0, 0)]]
+    prelude += [address(0, 0x1C), ("W", 0xFB), address(0, 0x1F), ("W", 0x80)]
+    changes, cycle = [], 0
+    for _ in range(rng.randrange(150)):
+        cycle += rng.choice([0, 0, 1, 1, 2, 3, 5, 30])
+        b, pin = rng.randrange(boards), rng.choice("abababab") + str(rng.randrange(4))
+        if rng.random() < 0.3:
+            pin = rng.choice([f"index{rng.randrange(4)}", f"din{rng.randrange(15)}"])
+        changes.append((cycle, f"b{b}.{pin}" if b else pin, rng.randrange(2)))
+    return options, rng.choice([0, 1, 2, 7]), [(0, prelude), *steps], changes
 
 
 def carry_out(options, access_cycles, steps, changes, bus_pins=False, look=lambda twin: None):
@@ -315,19 +403,25 @@ def carry_out_at_pins(options, prelude, bus, changes):
     return twin, reference, max(at) + 100, at
 
 
-@settings(max_examples=80, **SETTINGS)
+@settings(max_examples=50, **SETTINGS)
 @given(scenarios())
 def test_transactions_match_the_reference(scenario):
     assert_same(*carry_out(*scenario))
 
 
-@settings(max_examples=80, **SETTINGS)
+@settings(max_examples=35, **SETTINGS)
+@given(st.integers(0, 2**32).map(storm))
+def test_storms_match_the_reference(scenario):
+    assert_same(*carry_out(*scenario))
+
+
+@settings(max_examples=60, **SETTINGS)
 @given(pin_scenarios())
 def test_pins_match_the_reference(scenario):
     assert_same(*carry_out_at_pins(*scenario))
 
 
-@settings(max_examples=40, **SETTINGS)
+@settings(max_examples=25, **SETTINGS)
 @given(scenarios(), st.lists(st.integers(0, 100), max_size=6))
 def test_portions_do_not_matter(scenario, cuts):
     """Advancing, draining and looking in between changes nothing."""
@@ -347,6 +441,13 @@ def test_portions_do_not_matter(scenario, cuts):
     traces.append(parts.drain())
     assert concatenate(traces) == whole.drain()
     assert parts.state() == whole.state()
+
+
+@pytest.mark.campaign
+@settings(max_examples=20_000, **SETTINGS)
+@given(st.integers(0, 2**32).map(storm))
+def test_storms_match_the_reference_campaign(scenario):
+    assert_same(*carry_out(*scenario))
 
 
 @pytest.mark.campaign

@@ -100,6 +100,15 @@ def test_direction_waits_for_setup_after_the_pulse_and_the_next_pulse_after_it()
     assert axis.axes["pulses"][0] == 4
 
 
+def test_direction_waits_for_setup_after_a_train_of_pulses():
+    axis = Axis()
+    axis.advance(32, 10)  # the last pulse, 29 .. 31, is over
+    axis.advance(50, 10, direction=1)
+    trace = axis.trace(50)
+    assert trace["dir"].tolist() == [34]
+    assert trace["step"].tolist()[4:] == [29, 31, 39, 41, 49]
+
+
 def test_a_due_pulse_waits_for_the_direction():
     axis = Axis()
     axis.advance(10, 10)

@@ -106,16 +106,17 @@ def faulty(name, old, new):
 def test_comparison_finds(fault):
     name, old, new, options = FAULTS[fault]
     module = faulty(name, old, new)
+    boards = room.UscBoards
     parts = {key: value for key, value in vars(module).items() if hasattr(room, key)}
-    boards = module.UscBoards if name == ROOM else room.UscBoards
-    with patch.multiple(room, **(parts if name != ROOM else {})):
+    if name == ROOM:
+        boards, parts = module.UscBoards, {"UscBoards": boards}
+    with patch.multiple(room, **parts):
         pair = Pair(boards, **({"watchdog_us": 40} | options))
 
     def differs(seed):
+        quiet = seed % 4 == 0
         try:
-            pair.run(
-                *traffic(Random(seed), pair, 300 if seed % 4 == 0 else 3000, quiet=seed % 4 == 0)
-            )
+            pair.run(*traffic(Random(seed), pair, 300 if quiet else 3000, quiet=quiet))
         except AssertionError:
             return True
         return False

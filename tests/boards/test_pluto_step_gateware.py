@@ -287,7 +287,7 @@ def test_pulses_keep_their_space_and_none_is_missed_at_the_limit():
 def test_missed_steps_are_told_once():
     session = Session("extended")
     session.write(10, 12, 1, 0)
-    session.write(70, 2, *velocity(2047))  # axis 1: nearly one step per tick
+    session.write(70, 2, *velocity(1024))  # axis 1: due every other tick, room every third
     session.run(10_000)
     edges = np.array(session.changes("step", 1))
     assert (edges[2::2] - edges[1:-1:2]).min() == 128

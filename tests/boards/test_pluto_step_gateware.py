@@ -346,6 +346,7 @@ def test_an_expired_watchdog_stops_the_axes_if_it_shall(stop, moves):
     session.write(70, 8, 0, 0x40)
     session.write(130, 0, *velocity(1024))
     session.run(261_000)
+    assert session.changes("step")[0] == 320  # runs until then
     positions = [session.read(cycle, 0, 4) for cycle in (261_100, 262_100)]
     assert (positions[0] != positions[1]) == moves
     assert status(session, 262_300) == 0b11  # expired and enabled

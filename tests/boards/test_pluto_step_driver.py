@@ -92,6 +92,15 @@ def test_active_low_and_tap_are_bits_of_the_timing_word():
     assert bus.twin.drain().final()[0] == 1
 
 
+def test_the_extended_board_gets_the_space_and_the_stop_by_the_watchdog():
+    bus = Bus("extended")
+    driver = PlutoStepDriver(bus, profile="extended")
+    # 4 us = 3 ticks, field 2; 25.6 us = 16 ticks, the most that field and board can do
+    for space, field in ((4e-6, "02"), (25.6e-6, "0f")):
+        driver.initialise(step_time=0, step_space=space, direction_time=0)
+        assert bus.take()[1:] == [(0x0A, "00 00"), (0x0C, f"{field} 00"), (0x0E, "02 00")]
+
+
 @pytest.mark.parametrize(
     ("seconds", "field"),
     [(0, 0), (1e-9, 0), (1.6e-6, 0), (1.601e-6, 1), (3.2e-6, 1), (25.6e-6, 15)],

@@ -587,7 +587,7 @@ class PlutoStepDriver:
         )
         parts = [write_accesses(reg.W_TIMING, timing)]
         if self.switches["enforce_space"]:
-            space = min(self._space_ticks, reg.W_SPACE_SPACE_MASK + 1) - 1
+            space = self._space_ticks - 1
             parts.append(write_accesses(reg.W_SPACE, encode_bytes(reg.MAP["W_SPACE"], space=space)))
         return parts
 

@@ -43,6 +43,9 @@ class Board:
     rtl : callable
         ``rtl(profile, **switches)`` returns the board's gateware in simulation, with the methods of
         its twin that a bus uses.
+    gateware : callable
+        ``gateware(profile, axes, **switches)`` returns the board's gateware, a `Component`; with
+        just ``axes`` axes (None: all), where the room can leave out some.
     driver : callable
         ``driver(bus, profile, **switches)`` returns a driver for a board on an open bus.
     player : callable
@@ -63,6 +66,7 @@ class Board:
     registers: Callable[[], RegisterMap]
     twin: Callable[..., Any]
     rtl: Callable[..., Any]
+    gateware: Callable[..., Any]
     driver: Callable[..., Any]
     player: Callable[..., Any]
     positive_direction: int = 1

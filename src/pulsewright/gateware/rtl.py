@@ -42,6 +42,9 @@ class RtlSimulation:
     ----------
     component : Component
         Clocked by ``sync``, whose reset becomes the input ``rst``. Its ports have at most 64 bits.
+    design : str, optional
+        What to run in place of the component: a module ``top`` in RTLIL with its ports, ``clk`` and
+        ``rst``, such as its `pulsewright.gateware.synth.netlist`.
 
     Attributes
     ----------
@@ -63,7 +66,7 @@ class RtlSimulation:
     array([0, 2])
     """
 
-    def __init__(self, component: Component) -> None:
+    def __init__(self, component: Component, design: str | None = None) -> None:
         ports = {
             "__".join(str(part) for part in path): (len(Value.cast(value)), member.flow)
             for path, member, value in component.signature.flatten(component)
@@ -75,7 +78,8 @@ class RtlSimulation:
         outs = {name: bits for name, (bits, flow) in ports.items() if flow is Flow.Out}
         self.inputs, self.outputs = _row(ins), _row(outs)
         self._has_epp = ports.keys() >= _EPP_PORTS
-        design = rtlil.convert(component, name="top", emit_src=False)
+        if design is None:
+            design = rtlil.convert(component, name="top", emit_src=False)
         self._library = _load(_compiled(design, _driver(ins, outs, self._has_epp)))
         self._bench = 0
         self.reset()

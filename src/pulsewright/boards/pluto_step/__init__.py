@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# A build asks gateware for its ports before it chooses what to make.
 """Pluto-P board as four-axis step generator behind a parallel port."""
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from pulsewright.boards.pluto_step.registers import DEFAULT_PROFILE, PROFILES
 if TYPE_CHECKING:
     from pulsewright.boards.board import Load, Replay
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
+    from pulsewright.boards.pluto_step.gateware import PlutoStep
     from pulsewright.boards.pluto_step.player import PlutoStepPlayer
     from pulsewright.boards.pluto_step.twin import PlutoStepTwin
     from pulsewright.boards.rtl_board import RtlEppBoard
@@ -44,6 +47,14 @@ def _rtl(profile: str = DEFAULT_PROFILE, **switches: int) -> RtlEppBoard:
     )
 
 
+def _gateware(
+    profile: str = DEFAULT_PROFILE, axes: int | None = None, **switches: int
+) -> PlutoStep:
+    from pulsewright.boards.pluto_step.gateware import PlutoStep
+
+    return PlutoStep(profile, **switches)  # its axes are always four
+
+
 def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> PlutoStepDriver:
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
 
@@ -71,6 +82,7 @@ BOARD: Final = Board(
     registers=_registers,
     twin=_twin,
     rtl=_rtl,
+    gateware=_gateware,
     driver=_driver,
     player=_player,
     positive_direction=0,

@@ -6,7 +6,7 @@ import json
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from pulsewright.boards.golden import Golden
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import UsageError
+
+if TYPE_CHECKING:
+    from pulsewright.gateware.rtl import RtlSimulation
 
 FORMAT: Final = "pluto-golden-1"
 # Pins of an input word: name, lowest bit, bits.
@@ -119,7 +122,11 @@ def _replay_rtl(golden: Golden) -> EdgeTrace:
     from pulsewright.boards.pluto_step.gateware import PlutoStep
     from pulsewright.gateware.rtl import RtlSimulation
 
-    simulation = RtlSimulation(PlutoStep())
+    return replay_on(RtlSimulation(PlutoStep()), golden)
+
+
+def replay_on(simulation: RtlSimulation, golden: Golden) -> EdgeTrace:
+    """Give the inputs of a recording to gateware that is at its cycle 0; return as `replay`."""
     at, words = _input_words(golden)
     stimulus = np.zeros(len(at), simulation.inputs)
     stimulus["cycle"] = at

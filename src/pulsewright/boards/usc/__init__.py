@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# A build asks gateware for its ports before it chooses what to make.
 """Pico Systems Universal Stepper Controller."""
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from pulsewright.boards.usc.registers import DEFAULT_PROFILE, PROFILES
 if TYPE_CHECKING:
     from pulsewright.boards.rtl_board import RtlEppBoard
     from pulsewright.boards.usc.driver import UscDriver
+    from pulsewright.boards.usc.gateware import Usc
     from pulsewright.boards.usc.player import UscPlayer
     from pulsewright.boards.usc.twin import UscTwin
     from pulsewright.motion.trajectory import Trajectory
@@ -43,6 +46,12 @@ def _rtl(profile: str = DEFAULT_PROFILE, **switches: int) -> RtlEppBoard:
     )
 
 
+def _gateware(profile: str = DEFAULT_PROFILE, axes: int | None = None, **switches: int) -> Usc:
+    from pulsewright.boards.usc.gateware import Usc
+
+    return Usc(profile, **({} if axes is None else {"axes": axes}), **switches)
+
+
 def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> UscDriver:
     from pulsewright.boards.usc.driver import UscDriver
 
@@ -64,6 +73,7 @@ BOARD: Final = Board(
     registers=_registers,
     twin=_twin,
     rtl=_rtl,
+    gateware=_gateware,
     driver=_driver,
     player=_player,
 )

@@ -1,0 +1,191 @@
+"""A component on an FPGA: its clock, its reset and its pads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from amaranth import Cat, ClockDomain, ClockSignal, Const, Elaboratable, Instance, Module, Signal
+from amaranth.build import Attrs, Pins, Resource
+from amaranth.hdl import Value
+from amaranth.lib import io
+from amaranth.lib.cdc import ResetSynchronizer
+from amaranth.lib.wiring import Component
+
+from pulsewright.gateware.pins import ACTIVE_HIGH, Pad, PinMap
+from pulsewright.gateware.pll import Family, Pll
+
+
+def sync_domain(family: Family) -> ClockDomain:
+    """Return the clock domain of a component, with the reset that costs least.
+
+    Flip-flops of the ECP5 are reset by a net of their own (GSR), those of the iCE40 have an
+    asynchronous reset; it is released in step with the clock.
+    """
+    if family == "ecp5":
+        return ClockDomain("sync", reset_less=True)
+    return ClockDomain("sync", async_reset=True)
+
+
+class Top(Elaboratable):
+    """A component with all it needs to run by itself; for an Amaranth platform.
+
+    It is in reset until the PLL has locked.
+
+    Parameters
+    ----------
+    component : Component
+        Clocked by ``sync``.
+    family : str
+        Of the FPGA.
+    pll_pad : bool
+        The clock enters at the pad of an iCE40 PLL.
+    pll : Pll
+        How ``sync`` is made from the platform's clock.
+    pads : mapping of str to Pad
+        Of the component.
+    pin_map : PinMap
+        Where they go.
+    """
+
+    def __init__(
+        self,
+        component: Component,
+        family: Family,
+        pll_pad: bool,
+        pll: Pll,
+        pads: Mapping[str, Pad],
+        pin_map: PinMap,
+    ) -> None:
+        self._component, self._pads, self._pin_map = component, pads, pin_map
+        self._family, self._pll_pad, self._pll = family, pll_pad, pll
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        m.domains += sync_domain(self._family)
+        clock = Signal(name="board_clock", attrs={"keep": 1})  # so that its name survives
+        m.d.comb += ClockSignal("sync").eq(clock)
+        platform.add_clock_constraint(clock, float(self._pll.clock_hz))
+        (self._ecp5_clock if self._family == "ecp5" else self._ice40_clock)(m, platform, clock)
+
+        m.submodules.board = self._component
+        for pad in self._pads.values():
+            places = self._pin_map.get(pad.name, ())
+            for bit in range(pad.width):
+                pin = places[bit] if bit < len(places) else None
+                if pin:
+                    self._connect(m, platform, pad, bit, pin)
+                elif pad.direction != "o":
+                    m.d.comb += self._bit(pad, bit, "i").eq(pad.name not in ACTIVE_HIGH)
+        return m
+
+    def _bit(self, pad: Pad, bit: int, suffix: str) -> Value:
+        name = f"{pad.name}_{suffix}" if pad.direction == "io" else pad.name
+        return Value.cast(getattr(self._component, name))[bit]
+
+    def _connect(self, m: Module, platform: Any, pad: Pad, bit: int, pin: str) -> None:
+        name = f"pad_{pad.name}"
+        attributes = Attrs(**_attributes(self._family, pad))
+        platform.add_resources([Resource(name, bit, Pins(pin, dir=pad.direction), attributes)])
+        port = platform.request(name, bit, dir="-")
+        buffer = io.Buffer(pad.direction, port)
+        m.submodules[f"{name}_{bit}"] = buffer
+        if pad.direction != "o":
+            m.d.comb += self._bit(pad, bit, "i").eq(buffer.i)
+        if pad.direction != "i":
+            m.d.comb += buffer.o.eq(self._bit(pad, bit, "o"))
+        if pad.direction == "io":
+            m.d.comb += buffer.oe.eq(getattr(self._component, f"{pad.name}_oe"))
+        elif pad.high_z:
+            m.d.comb += buffer.oe.eq(~self._component.tristate)
+
+    def _ice40_clock(self, m: Module, platform: Any, clock: Signal) -> None:
+        pll, pin = self._pll, platform.request(platform.default_clk, dir="-").io
+        fast, locked = Signal(name="pll_clock"), Signal()
+        settings: dict[str, Any] = {
+            "p_FEEDBACK_PATH": "SIMPLE",
+            "p_DIVR": Const(pll.reference - 1, 4),
+            "p_DIVF": Const(pll.multiplier - 1, 7),
+            "p_DIVQ": Const(pll.output.bit_length() - 1, 3),
+            "p_FILTER_RANGE": Const(pll.filter_range, 3),
+            "i_RESETB": Const(1),
+            "i_BYPASS": Const(0),
+            "o_LOCK": locked,
+            "o_PLLOUTGLOBAL": fast,
+        }
+        if self._pll_pad:
+            m.submodules.pll = Instance("SB_PLL40_PAD", io_PACKAGEPIN=pin, **settings)
+        else:
+            reference = Signal()
+            m.submodules.clock_pin = Instance(
+                "SB_IO", p_PIN_TYPE=Const(0b000001, 6), io_PACKAGE_PIN=pin, o_D_IN_0=reference
+            )
+            m.submodules.pll = Instance("SB_PLL40_CORE", i_REFERENCECLK=reference, **settings)
+        if pll.ring == 1:
+            m.d.comb += clock.eq(fast)
+        else:
+            # One of the bits is 1 in each round; any other state ends in one of these.
+            m.domains += ClockDomain("ring", reset_less=True, local=True)
+            m.d.comb += ClockSignal("ring").eq(fast)
+            ring = Signal(pll.ring - 1)
+            m.d.ring += ring.eq(Cat(~ring.any(), ring))
+            m.submodules.ring_out = Instance(
+                "SB_GB", i_USER_SIGNAL_TO_GLOBAL_BUFFER=ring[-1], o_GLOBAL_BUFFER_OUTPUT=clock
+            )
+        m.submodules.reset = ResetSynchronizer(~locked, domain="sync")
+
+    def _ecp5_clock(self, m: Module, platform: Any, clock: Signal) -> None:
+        pll = self._pll
+        m.submodules.clock_pin = pin = io.Buffer(
+            "i", platform.request(platform.default_clk, dir="-")
+        )
+        locked, seen, released = Signal(), Signal(), Signal()
+        m.submodules.pll = Instance(
+            "EHXPLLL",
+            a_FREQUENCY_PIN_CLKI=f"{pll.reference_hz / 1e6:g}",
+            a_FREQUENCY_PIN_CLKOP=f"{float(pll.clock_hz) / 1e6:g}",
+            a_ICP_CURRENT="12",
+            a_LPF_RESISTOR="8",
+            a_MFG_ENABLE_FILTEROPAMP="1",
+            a_MFG_GMCREF_SEL="2",
+            p_CLKI_DIV=pll.reference,
+            p_CLKFB_DIV=pll.multiplier,
+            p_CLKOP_DIV=pll.output,
+            p_CLKOP_CPHASE=pll.output - 1,
+            p_CLKOP_FPHASE=0,
+            p_CLKOP_ENABLE="ENABLED",
+            p_FEEDBK_PATH="CLKOP",
+            p_OUTDIVIDER_MUXA="DIVA",
+            p_PLLRST_ENA="DISABLED",
+            p_INTFB_WAKE="DISABLED",
+            p_STDBY_ENABLE="DISABLED",
+            p_DPHASE_SOURCE="DISABLED",
+            i_CLKI=pin.i,
+            i_CLKFB=clock,
+            i_RST=Const(0),
+            i_STDBY=Const(0),
+            i_PHASESEL0=Const(0),
+            i_PHASESEL1=Const(0),
+            i_PHASEDIR=Const(1),
+            i_PHASESTEP=Const(1),
+            i_PHASELOADREG=Const(1),
+            i_PLLWAKESYNC=Const(0),
+            i_ENCLKOP=Const(0),
+            o_CLKOP=clock,
+            o_LOCK=locked,
+        )
+        # The global reset must not reset what releases it.
+        for n, (d, q) in enumerate(((locked, seen), (seen, released))):
+            m.submodules[f"reset{n}"] = Instance(
+                "FD1S3AX", p_GSR="DISABLED", i_CK=clock, i_D=d, o_Q=q
+            )
+        m.submodules.reset = Instance("SGSR", i_CLK=clock, i_GSR=released)
+
+
+def _attributes(family: Family, pad: Pad) -> dict[str, str | int]:
+    """Return what the pins of a pad are: 3.3 V CMOS, and what they read while open."""
+    pulled = pad.direction != "o" and pad.name not in ACTIVE_HIGH
+    if family == "ecp5":
+        pull = "UP" if pulled else "DOWN" if pad.name in ACTIVE_HIGH else "NONE"
+        return {"IO_TYPE": "LVCMOS33", "PULLMODE": pull}
+    return {"IO_STANDARD": "SB_LVCMOS", **({"PULLUP": 1} if pulled else {})}

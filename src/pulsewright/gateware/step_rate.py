@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Module, Signal, signed, unsigned
+from amaranth import Module, Signal, signed
 from amaranth.lib.wiring import Component, In, Out
 
 
@@ -84,12 +84,20 @@ class PeriodCounter(Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        first, width = 1 - self._offset, len(self.divisor)  # so the comparison needs no sum
-        count = Signal(unsigned(width) if first >= 0 else signed(width + 1), init=first)
-        m.d.comb += self.due.eq(self.enable & (count >= self.divisor))
+        # Counts from 0, after `offset` - 1 ticks, so that the comparison needs no sum and registers
+        # start at 0, which is small on an FPGA. Without an offset it counts from 1.
+        first = 0 if self._offset else 1
+        count = Signal(len(self.divisor), init=first)
+        lead, counting = Signal(range(max(1, self._offset))), Signal()
+        m.d.comb += [
+            counting.eq(lead == max(0, self._offset - 1)),
+            self.due.eq(self.enable & counting & (count >= self.divisor)),
+        ]
         with m.If(self.tick):
             with m.If(~self.enable | self.due & self.ready):
-                m.d.sync += count.eq(first)
+                m.d.sync += [count.eq(first), lead.eq(0)]
+            with m.Elif(~counting):
+                m.d.sync += lead.eq(lead + 1)
             with m.Elif(~self.due):
                 m.d.sync += count.eq(count + 1)
         return m

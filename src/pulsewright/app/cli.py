@@ -122,6 +122,44 @@ def check(
 
 
 @app.command()
+def build(
+    board: Annotated[str, typer.Argument(metavar="BOARD", help="For example pluto_step.")],
+    platform: Annotated[str | None, typer.Option(help="FPGA board; default ulx3s.")] = None,
+    profile: Annotated[
+        str | None, typer.Option(help="Profile of the board's document switches.")
+    ] = None,
+    axes: Annotated[int | None, typer.Option(help="Axes to bring out; default all.")] = None,
+    pins: Annotated[
+        Path | None, typer.Option(metavar="TOML", help="Which signal is at which pin.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Default out/<board>-<platform>.")
+    ] = None,
+    verilog: Annotated[bool, typer.Option("--verilog", help="Write Verilog only.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Build a bitstream with tools from pip; a missed timing goal is an error."""
+    from pulsewright.app import build as build_module
+    from pulsewright.app.progress import progress
+
+    with progress() as report_progress:
+        result = build_module.run(
+            board,
+            platform=platform,
+            profile=profile,
+            axes=axes,
+            out=out,
+            verilog=verilog,
+            pins=pins,
+            progress=report_progress,
+        )
+    if as_json:
+        _print_json(result.summary())
+    else:
+        print(result.text())
+
+
+@app.command()
 def bench(
     name: Annotated[
         str | None, typer.Argument(metavar="[NAME]", help="twin or job; default: all.")

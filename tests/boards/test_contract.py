@@ -168,7 +168,9 @@ def test_a_twin_records_its_pins(room):
 
 @each_board
 def test_wrong_profiles_and_switches_are_refused_by_name(room):
-    with pytest.raises(UsageError, match=f"{room.name} has no profile 'x'; it has .*{room.default_profile}"):
+    with pytest.raises(
+        UsageError, match=f"{room.name} has no profile 'x'; it has .*{room.default_profile}"
+    ):
         boards.open_board(room.name, profile="x")
     with pytest.raises(UsageError, match=f"{room.name} has no profile switch 'x'; it has "):
         boards.open_board(room.name, x=1)

@@ -262,6 +262,29 @@ def test_vector_17_index_reset():
     assert (state["enc"][0], state["index_sense"], state["index_reset"]) == (0, 1, 1)
 
 
+def test_load_position_wins_over_index_reset():
+    host = Host(ident=0x42)
+    host.set(0x0D, 0x01)
+    host.set(0x03, 0x10)
+    host.set(0x00, 0x05)
+    host.twin.index_edge(0)
+    host.twin.schedule([1000], "index0", 1)
+    host.twin.advance(1100)
+    state = host.twin.state()
+    assert (state["enc"][0], state["index_sense"]) == (5, 1)
+
+
+def test_a_capture_takes_the_count_before_its_reset():
+    host = Host(ident=0x42)
+    host.set(0x0D, 0x01)
+    host.set(0x03, 0x01)
+    host.twin.set_encoder(0, 5000)
+    host.twin.schedule([1000, 1000], ["index0", "a0"], [1, 1])  # a count at the same edge
+    host.twin.advance(1100)
+    state = host.twin.state()
+    assert (state["latch"][0], state["enc"][0]) == (5000, 0)
+
+
 def test_version_1_ignores_index_reset():
     host = Host(ident=0x41)
     host.set(0x0D, 0x01)

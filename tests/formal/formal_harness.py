@@ -51,7 +51,7 @@ class Verdict:
         return "\n".join(["counterexample, by cycle:", *rows])
 
 
-class Undecided(Exception):
+class UndecidedError(Exception):
     """Neither a proof nor a counterexample within the limits."""
 
 
@@ -135,7 +135,7 @@ _PREPARE = (
     "read_rtlil top.il; hierarchy -top top; prep -top top -flatten; async2sync; chformal -lower; "
 )
 _GATES = (
-    "setundef -undriven -zero; opt -full; dffunmap; techmap; simplemap; aigmap; opt_clean; "
+    "dffunmap; techmap; simplemap; aigmap; opt_clean; setundef -anyseq; "
     "write_aiger -zinit -map top.map top.aig; design -reset; "
     "read_rtlil stub.il; abc -script {script}"
 )
@@ -168,7 +168,7 @@ def prove(bench: Bench, *names: str, depth: int | None = None, seconds: int = 60
 
     Raises
     ------
-    Undecided
+    UndecidedError
         If the search ends without an answer.
     """
     conditions = {name: bench.properties[name] for name in names or bench.properties}
@@ -198,7 +198,7 @@ def _check(bench: Bench, conditions: dict[str, Value], depth: int | None, second
         if words[0] == "snl_UNK":
             if depth is not None and int(words[1]) >= depth - 1:
                 return Verdict(True, depth)
-            raise Undecided(f"no answer in {seconds} s: {answer}")
+            raise UndecidedError(f"no answer in {seconds} s: {answer}")
         return Verdict(False, int(words[-1]), _trace("".join(lines), int(words[-1]) + 1, place))
 
 
@@ -209,7 +209,7 @@ def prove_by_induction(bench: Bench, *names: str, depth: int) -> Verdict:
 
     Raises
     ------
-    Undecided
+    UndecidedError
         If the properties hold for ``depth`` edges after reset, but induction does not show more.
     """
     conditions = {name: bench.properties[name] for name in names or bench.properties}
@@ -218,7 +218,7 @@ def prove_by_induction(bench: Bench, *names: str, depth: int) -> Verdict:
         if _smtbmc(place, "-t", str(depth)) == 1:
             return Verdict(False, depth)
         if _smtbmc(place, "-i", "-t", str(depth)) == 1:
-            raise Undecided(f"not inductive within {depth} edges")
+            raise UndecidedError(f"not inductive within {depth} edges")
     return Verdict(True, depth)
 
 

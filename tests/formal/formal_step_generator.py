@@ -241,7 +241,7 @@ class PinBench(StepBench):
         quiet = Signal(range(FAR + 1), init=FAR)  # ticks since the one that ended a pulse
         shortest = Signal(4, init=15)
         with m.If(tick):
-            m.d.sync += shortest.eq(Mux(step | (T < shortest), T, shortest))
+            m.d.sync += shortest.eq(Mux(step | (shortest > T), T, shortest))
             m.d.sync += quiet.eq(Mux(step, 0, Mux(quiet == FAR, FAR, quiet + 1)))
         self.always("dir changes while step is low", ~tick | ~flips | ~step & ~step_before)
         self.always("hold", ~tick | ~flips | (quiet > shortest))

@@ -209,6 +209,8 @@ def run(
     tools = _made(folder / "tools")
     made_axes = max(len(pin_map.get(name, ())) for name in pin_maps.axis_pads(pads))
     component = _gateware(room, profile, made_axes)
+    bitstream = folder / f"{board}-{target.name}{synth.SUFFIX[target.family]}"
+    bitstream.unlink(missing_ok=True)  # one of an earlier build must not pass for this one's
     made = synth.implement(
         component,
         target,
@@ -220,8 +222,8 @@ def run(
     progress("build", 1.0)
     files = []
     if made.bitstream:
-        files.append(folder / f"{board}-{target.name}{made.bitstream.suffix}")
-        with replacing(files[0]) as temporary:
+        files.append(bitstream)
+        with replacing(bitstream) as temporary:
             shutil.copyfile(made.bitstream, temporary)
     files += [folder / name for name in ("pins.toml", "report.txt", "report.json")]
     result = BuildResult(

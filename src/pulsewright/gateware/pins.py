@@ -113,10 +113,10 @@ def default_map(
     mine = axis_pads(pads)
     most = min((pads[name].width for name in mine), default=0)
     room = min(most, (len(pins) - len(bus)) // max(len(mine), 1))
-    if axes is None:
-        axes = room
-    if not 1 <= axes <= most:
+    if axes is not None and not 1 <= axes <= most:
         raise UsageError(f"{axes} axes asked; the board has 1 to {most}")
+    if axes is None:
+        axes = max(room, 1)
     if axes > room:
         raise UsageError(
             f"{where} has {len(pins)} free pins; the bus takes {len(bus)} and each axis "

@@ -25,7 +25,7 @@ from amaranth.back import rtlil
 from amaranth.lib.wiring import Component
 
 from pulsewright.errors import UsageError
-from pulsewright.gateware.pins import PinMap, pads
+from pulsewright.gateware.pins import PinMap
 from pulsewright.gateware.platforms import INSTALL, Platform
 from pulsewright.gateware.pll import Family, Pll
 from pulsewright.gateware.top import Top, sync_domain
@@ -43,6 +43,7 @@ DEVICES: Final[dict[Family, tuple[str, tuple[str, ...]]]] = {
     "ice40": ("HX8K-CT256", ("--hx8k", "--package", "ct256")),
     "ecp5": ("ECP5-25k, grade 6", ("--25k", "--package", "CABGA381", "--speed", "6")),
 }
+SUFFIX: Final[dict[Family, str]] = {"ice40": ".bin", "ecp5": ".bit"}  # of a bitstream
 _STAT: Final = "tee -q -o stat.json stat -json"
 _RAM: Final = ("SB_RAM40_4K", "DP16KD", "PDPW16KD")
 # Simulation models of cells; only those that are used are read, as some are very large.
@@ -243,7 +244,7 @@ def implement(
     UsageError
         If a tool is missing or fails, as when the device is too small.
     """
-    top = Top(component, platform.family, platform.pll_pad, pll, pads(component), pin_map)
+    top = Top(component, pll, platform.pll_pad, pin_map)
     plan = platform.open().prepare(
         top,
         "top",
@@ -269,14 +270,13 @@ def implement(
             for packer in others:
                 call(packer)
             break
-    product = "top.bin" if platform.family == "ice40" else "top.bit"
     used = json.loads((folder / "report.json").read_text())["utilization"]
     return Implementation(
         resources=_resources(folder / "stat.json"),
         clocks=tuple(clocks),
         seed=seed,
         used={cell: (n["used"], n["available"]) for cell, n in used.items() if n["used"]},
-        bitstream=folder / product if met else None,
+        bitstream=folder / f"top{SUFFIX[platform.family]}" if met else None,
     )
 
 

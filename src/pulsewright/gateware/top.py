@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
-from amaranth import Cat, ClockDomain, ClockSignal, Const, Elaboratable, Instance, Module, Signal
+from amaranth import (
+    Cat,
+    ClockDomain,
+    ClockSignal,
+    Const,
+    DomainRenamer,
+    Elaboratable,
+    Instance,
+    Module,
+    Signal,
+    Value,
+)
 from amaranth.build import Attrs, Pins, Resource
-from amaranth.hdl import Value
 from amaranth.lib import io
 from amaranth.lib.cdc import ResetSynchronizer
-from amaranth.lib.wiring import Component
+from amaranth.lib.wiring import Component, Out
 
-from pulsewright.gateware.pins import ACTIVE_HIGH, Pad, PinMap
+from pulsewright.gateware.pins import ACTIVE_HIGH, Pad, PinMap, pads
 from pulsewright.gateware.pll import Family, Pll
 
 
@@ -27,49 +36,53 @@ def sync_domain(family: Family) -> ClockDomain:
     return ClockDomain("sync", async_reset=True)
 
 
-class Top(Elaboratable):
-    """A component with all it needs to run by itself; for an Amaranth platform.
+class Ring(Component):
+    """Frequency divider of flip-flops alone, as fast as they are.
 
-    It is in reset until the PLL has locked.
+    One bit goes round; whatever the bits are at first, only one is left after a round.
+
+    Parameters
+    ----------
+    period : int
+        At least 2.
+
+    Members
+    -------
+    clock : Out(1)
+        A flip-flop that is high for one cycle of ``period``.
+    """
+
+    def __init__(self, period: int) -> None:
+        self._period = period
+        super().__init__({"clock": Out(1)})
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        bits = Signal(self._period - 1)
+        m.d.sync += bits.eq(Cat(~bits.any(), bits))
+        m.d.comb += self.clock.eq(bits[-1])
+        return m
+
+
+class Pads(Elaboratable):
+    """A component at the pins of an Amaranth platform.
 
     Parameters
     ----------
     component : Component
-        Clocked by ``sync``.
     family : str
         Of the FPGA.
-    pll_pad : bool
-        The clock enters at the pad of an iCE40 PLL.
-    pll : Pll
-        How ``sync`` is made from the platform's clock.
-    pads : mapping of str to Pad
-        Of the component.
     pin_map : PinMap
-        Where they go.
+        Where the component's pads go.
     """
 
-    def __init__(
-        self,
-        component: Component,
-        family: Family,
-        pll_pad: bool,
-        pll: Pll,
-        pads: Mapping[str, Pad],
-        pin_map: PinMap,
-    ) -> None:
-        self._component, self._pads, self._pin_map = component, pads, pin_map
-        self._family, self._pll_pad, self._pll = family, pll_pad, pll
+    def __init__(self, component: Component, family: Family, pin_map: PinMap) -> None:
+        self._component, self._family, self._pin_map = component, family, pin_map
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        m.domains += sync_domain(self._family)
-        clock = Signal(name="board_clock", attrs={"keep": 1})  # so that its name survives
-        m.d.comb += ClockSignal("sync").eq(clock)
-        platform.add_clock_constraint(clock, float(self._pll.clock_hz))
-        (self._ecp5_clock if self._family == "ecp5" else self._ice40_clock)(m, platform, clock)
-
         m.submodules.board = self._component
-        for pad in self._pads.values():
+        for pad in pads(self._component).values():
             places = self._pin_map.get(pad.name, ())
             for bit in range(pad.width):
                 pin = places[bit] if bit < len(places) else None
@@ -99,6 +112,39 @@ class Top(Elaboratable):
         elif pad.high_z:
             m.d.comb += buffer.oe.eq(~self._component.tristate)
 
+
+class Top(Elaboratable):
+    """A component with all it needs to run by itself; for an Amaranth platform.
+
+    It is in reset until the PLL has locked.
+
+    Parameters
+    ----------
+    component : Component
+        Clocked by ``sync``.
+    pll : Pll
+        How ``sync`` is made from the platform's clock.
+    pll_pad : bool
+        That clock enters at the pad of an iCE40 PLL.
+    pin_map : PinMap
+        Where the component's pads go.
+    """
+
+    def __init__(self, component: Component, pll: Pll, pll_pad: bool, pin_map: PinMap) -> None:
+        self._component, self._pin_map = component, pin_map
+        self._pll, self._pll_pad = pll, pll_pad
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        family = self._pll.family
+        m.domains += sync_domain(family)
+        clock = Signal(name="board_clock", attrs={"keep": 1})  # so that its name survives
+        m.d.comb += ClockSignal("sync").eq(clock)
+        platform.add_clock_constraint(clock, float(self._pll.clock_hz))
+        (self._ecp5_clock if family == "ecp5" else self._ice40_clock)(m, platform, clock)
+        m.submodules.pads = Pads(self._component, family, self._pin_map)
+        return m
+
     def _ice40_clock(self, m: Module, platform: Any, clock: Signal) -> None:
         pll, pin = self._pll, platform.request(platform.default_clk, dir="-").io
         fast, locked = Signal(name="pll_clock"), Signal()
@@ -124,13 +170,11 @@ class Top(Elaboratable):
         if pll.ring == 1:
             m.d.comb += clock.eq(fast)
         else:
-            # One of the bits is 1 in each round; any other state ends in one of these.
             m.domains += ClockDomain("ring", reset_less=True, local=True)
             m.d.comb += ClockSignal("ring").eq(fast)
-            ring = Signal(pll.ring - 1)
-            m.d.ring += ring.eq(Cat(~ring.any(), ring))
+            m.submodules.ring = ring = DomainRenamer("ring")(Ring(pll.ring))
             m.submodules.ring_out = Instance(
-                "SB_GB", i_USER_SIGNAL_TO_GLOBAL_BUFFER=ring[-1], o_GLOBAL_BUFFER_OUTPUT=clock
+                "SB_GB", i_USER_SIGNAL_TO_GLOBAL_BUFFER=ring.clock, o_GLOBAL_BUFFER_OUTPUT=clock
             )
         m.submodules.reset = ResetSynchronizer(~locked, domain="sync")
 

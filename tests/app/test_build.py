@@ -1,0 +1,219 @@
+"""Bitstreams, Verilog and figures of a board, from the call that the command line makes."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from pulsewright.app import build
+from pulsewright.errors import CheckFailedError, UsageError
+
+TOOL = """
+import json, sys
+from pathlib import Path
+
+words = sys.argv[1:]
+with open(LOG, "a") as log:
+    print(Path(sys.argv[0]).stem, *words, file=log)
+if KIND == "yosys":
+    cells = {"SB_LUT4": 7, "SB_DFFER": 5, "SB_DFF": 1, "SB_CARRY": 3, "SB_RAM40_4K": 2, "SB_IO": 9}
+    Path("stat.json").write_text(json.dumps({"design": {"num_cells_by_type": cells}}))
+elif KIND == "nextpnr":
+    seed = int(words[words.index("--seed") + 1])
+    clocks = {"$glbnet$board_clock": {"achieved": REACHED[seed - 1], "constraint": 40.0}}
+    report = {"fmax": clocks, "utilization": {"A": {"used": 1, "available": 4}, "B": {"used": 0}}}
+    Path("report.json").write_text(json.dumps(report))
+else:
+    Path("top.bin").write_bytes(b"bits")
+"""
+
+
+@pytest.fixture
+def tools(monkeypatch, tmp_path):
+    """Stand-ins for all tools; ``tools(MHz, ...)`` sets what each placement reaches.
+
+    Returns the words of each call.
+    """
+    log = tmp_path / "log"
+    log.touch()
+
+    def install(*reached):
+        for kind, variables in (
+            ("yosys", ("YOSYS",)),
+            ("nextpnr", ("NEXTPNR_ICE40", "NEXTPNR_ECP5")),
+            ("icepack", ("ICEPACK",)),
+        ):
+            path = tmp_path / f"{kind}.py"
+            path.write_text(f"LOG, KIND, REACHED = {str(log)!r}, {kind!r}, {reached!r}\n{TOOL}")
+            for variable in variables:
+                monkeypatch.setenv(variable, f"{sys.executable} {path}")
+        return lambda: [line.split() for line in log.read_text().splitlines()]
+
+    return install
+
+
+def test_a_build_leaves_bitstream_pins_and_report(tools, tmp_path):
+    calls = tools(41.5)
+    out = tmp_path / "out"
+    stages = []
+    result = build.run(
+        "pluto_step", "icebreaker", out=out, progress=lambda *stage: stages.append(stage)
+    )
+    assert [call[0] for call in calls()] == ["yosys", "nextpnr", "icepack"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        *("pins.toml", "pluto_step-icebreaker.bin", "report.json", "report.txt", "tools")
+    ]
+    assert (out / "pluto_step-icebreaker.bin").read_bytes() == b"bits"
+    assert stages == [("build", 0.0), ("build", 0.4), ("build", 0.95), ("build", 1.0)]
+
+    summary = json.loads((out / "report.json").read_text())
+    assert summary == result.summary()
+    assert summary["passed"] is True
+    assert summary["axes"] == 4
+    assert summary["clock_hz"] == 40_000_000
+    assert summary["resources"] == {"lut": 7, "ff": 6, "carry": 3, "bram": 2}
+    assert summary["clocks"] == [{"net": "board_clock", "goal": 40, "reached": 41.5, "met": True}]
+    assert summary["device"] == {"A": [1, 4]}
+    # PMOD1A carries the data: its pins 1 to 4 are 4, 2, 47, 45 of the FPGA, 7 to 10 3, 48, 46, 44.
+    data = next(row for row in summary["pins"] if row["port"] == "data[0..7]")
+    assert data["pins"] == [f"pmod_0:{n}" for n in (1, 2, 3, 4, 7, 8, 9, 10)]
+    assert data["fpga"] == ["4", "2", "47", "45", "3", "48", "46", "44"]
+    constraints = (out / "tools" / "top.pcf").read_text()
+    assert "set_io pad_data_7__io 44" in constraints
+    assert "set_frequency board_clock 40.0" in constraints
+
+    text = result.text()
+    assert (out / "report.txt").read_text() == text + "\n"
+    assert len(text.splitlines()) < 40
+    for part in (
+        "12 MHz x 80 / 8 / 3 = 40 MHz, exactly",
+        "board_clock: 41.5 MHz reached, 40 MHz needed (+4%), placement 1",
+        "7 LUT4, 6 FF, 3 carry, 2 block RAM",
+        "data[0..7]   io  pmod_0:1 2 3 4 7 8 9 10",
+        "no pin    nreset nconfig din[0..15] dout[4..13] led",
+        f"iceprog {out / 'pluto_step-icebreaker.bin'}",
+    ):
+        assert part in text
+
+
+def test_placements_are_tried_until_one_is_fast_enough(tools, tmp_path):
+    calls = tools(39.9, 38.0, 40.0)
+    result = build.run("pluto_step", "hx8k", out=tmp_path / "out")
+    assert [call[-1] for call in calls() if call[0] == "nextpnr"] == ["1", "2", "3"]
+    assert result.summary()["seed"] == 3
+
+
+def test_a_missed_clock_is_an_error_and_leaves_no_bitstream(tools, tmp_path):
+    calls = tools(*[39.9] * 8)
+    out = tmp_path / "out"
+    with pytest.raises(CheckFailedError, match=r"timing missed on hx8k: board_clock reaches 39\.9"):
+        build.run("pluto_step", "hx8k", out=out)
+    assert "icepack" not in {call[0] for call in calls()}
+    assert sorted(path.name for path in out.iterdir()) == [
+        *("pins.toml", "report.json", "report.txt", "tools")
+    ]
+    assert "FAILED: too slow" in (out / "report.txt").read_text()
+    assert json.loads((out / "report.json").read_text())["passed"] is False
+
+
+def test_a_failure_takes_away_the_bitstream_of_an_earlier_build(tools, tmp_path):
+    tools(50.0)
+    result = build.run("pluto_step", "hx8k", out=tmp_path)
+    assert result.files[0].exists()
+    tools(*[39.9] * 8)
+    with pytest.raises(CheckFailedError):
+        build.run("pluto_step", "hx8k", out=tmp_path)
+    assert not result.files[0].exists()
+
+
+def test_pins_of_a_build_can_be_changed_and_used_again(tools, tmp_path):
+    tools(50.0)
+    build.run("pluto_step", "icebreaker", axes=2, out=tmp_path)
+    pins = tmp_path / "mine.toml"
+    text = (tmp_path / "pins.toml").read_text()
+    assert 'step = ["pmod_1:7", "pmod_1:9"]' in text
+    pins.write_text(text.replace('"pmod_1:7", "pmod_1:9"', '"pmod_1:9", "pmod_1:7"'))
+    result = build.run("pluto_step", "icebreaker", pins=pins, out=tmp_path)
+    assert result.axes == 2
+    rows = {row[0]: row[2:] for row in result.pins}
+    assert rows["step[0..1]"] == (("pmod_1:9", "pmod_1:7"), ("32", "42"))
+
+
+def test_axes_without_pins_are_left_out_where_the_board_can(tools, tmp_path):
+    tools(50.0)
+    result = build.run("usc", "icebreaker", out=tmp_path)
+    assert result.axes == 2  # 24 pins: 12 of the bus, the estop chain, twice 5
+    design = (tmp_path / "tools" / "top.il").read_text()
+    assert set(re.findall(r"wire width (\d+) input \d+ +.index\n", design)) == {"2"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"board": "pluto"}, "no board 'pluto'"),
+        ({"platform": "de10"}, "no platform 'de10'; the platforms are icebreaker, hx8k, ulx3s"),
+        ({"profile": "odd"}, "pluto_step has no profile 'odd'; it has exact, extended"),
+        ({"axes": 5}, "5 axes asked; the board has 1 to 4"),
+        ({"platform": "orangecrab", "axes": 4}, "at most 3 axes fit, not 4"),
+        ({"pins": "x.toml"}, "x.toml: cannot be read"),
+        ({"pins": "x.toml", "axes": 1}, "x.toml says which axes are at pins"),
+        ({"verilog": True, "platform": "ulx3s"}, "leave out platform and pins"),
+        ({"verilog": True, "axes": 3}, "3 axes asked; pluto_step always has 4"),
+        ({"verilog": True, "axes": 9}, "9 axes asked; the board has 1 to 4"),
+    ],
+)
+def test_requests_that_cannot_be_met(tmp_path, options, message):
+    with pytest.raises(UsageError, match=message):
+        build.run(**{"board": "pluto_step", "out": tmp_path / "out"} | options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_verilog_has_the_ports_of_the_board(tmp_path):
+    result = build.run("pluto_step", verilog=True, out=tmp_path)
+    assert result.files == (tmp_path / "pluto_step.v",)
+    text = result.files[0].read_text()
+    for declaration in (
+        "module pluto_step(",
+        "input clk;",
+        "input rst;",
+        "input [7:0] data_i;",
+        "output [7:0] data_o;",
+        "output data_oe;",
+        "output [3:0] step;",
+        "output [13:0] dout;",
+    ):
+        assert declaration in text
+    if compiler := shutil.which("iverilog"):
+        subprocess.run([compiler, "-t", "null", result.files[0]], check=True)
+
+
+def test_area_gives_the_median_clock_of_each_family(tools):
+    calls = tools(130.0, 100.0, 120.0)
+    rows = build.area([("pluto_step", "exact")], seeds=(1, 2, 3))
+    assert [row.family for row in rows] == ["ice40", "ecp5"]
+    assert [(row.slowest_mhz, row.clock_mhz, row.fastest_mhz) for row in rows] == [
+        (100, 120, 130)
+    ] * 2
+    assert [row.original for row in rows] == [(379, 251, 130.5), (305, 251, 175.8)]
+    scripts = [call for call in calls() if call[0] == "yosys"]
+    assert "synth_ice40 -top top -json design.json" in " ".join(scripts[0])
+    page = build.area_page(rows)
+    assert (
+        "| pluto_step | exact | ice40 | 7 | 6 | 3 | 2 | 120.0 | 100.0 .. 130.0 "
+        "| 379, 251, 130.5 MHz |" in page
+    )
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("platform", ["icebreaker", "orangecrab"])
+def test_a_whole_bitstream(tmp_path, platform):
+    result = build.run("pluto_step", platform, out=tmp_path)
+    assert result.passed
+    data = result.files[0].read_bytes()
+    preamble = {"icebreaker": b"\x7e\xaa\x99\x7e", "orangecrab": b"\xff\xff\xbd\xb3"}[platform]
+    assert preamble in data[:2048]
+    assert all(clock.reached >= clock.goal for clock in result.implementation.clocks)
+    assert {clock.goal for clock in result.implementation.clocks} >= {40.0}

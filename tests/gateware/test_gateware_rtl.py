@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from amaranth.hdl import Module, Signal
+from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import Component, In, Out
 
 from pulsewright.boards.pluto_step.gateware import PlutoStep
@@ -63,6 +63,30 @@ def test_more_changes_than_one_call_can_return_are_all_there(monkeypatch):
     stimulus["cycle"] = stimulus["a"] = np.arange(20)
     seen = simulation.run(20, stimulus)
     assert seen["cycle"].tolist() == seen["held"].tolist() == list(range(20))
+
+
+class Folded(Component):
+    """No loop bit by bit, but one word by word, which takes several evaluations to settle."""
+
+    q: In(1)
+    x: Out(3)
+    r: Out(1)
+
+    def elaborate(self, platform):
+        m = Module()
+        m.d.sync += self.r.eq(self.q)
+        m.d.comb += self.x.eq(Cat(self.r, self.x[:2]) ^ 0b111)
+        return m
+
+
+def test_logic_that_settles_slowly_is_settled():
+    simulation = RtlSimulation(Folded())
+    stimulus = np.zeros(4, simulation.inputs)
+    stimulus["cycle"] = [0, 1, 2, 5]
+    stimulus["q"] = [0, 1, 0, 1]
+    seen = simulation.run(7, stimulus)
+    assert seen["cycle"].tolist() == [0, 1, 2, 5]
+    assert seen["x"].tolist() == [0b101, 0b010, 0b101, 0b010]
 
 
 def test_it_equals_the_simulator_of_amaranth(simulate):

@@ -93,7 +93,7 @@ def test_a_build_leaves_bitstream_pins_and_report(tools, tmp_path):
         "board_clock: 41.5 MHz reached, 40 MHz needed (+4%), placement 1",
         "7 LUT4, 6 FF, 3 carry, 2 block RAM",
         "data[0..7]   io  pmod_0:1 2 3 4 7 8 9 10",
-        "no pin    nreset nconfig din[0..15] dout[4..13] led",
+        "no pin    nreset data_oe nconfig din[0..15] dout[4..13] led",
         f"iceprog {out / 'pluto_step-icebreaker.bin'}",
     ):
         assert part in text

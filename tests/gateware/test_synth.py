@@ -75,6 +75,7 @@ def test_pads_are_the_ports_with_their_three_state_ones_joined(pads):
         "naddrstr": (1, "i", False),
         "nreset": (1, "i", False),
         "data": (8, "io", False),
+        "data_oe": (1, "o", False),
         "nwait": (1, "o", False),
         "nconfig": (1, "o", False),
         "din": (16, "i", False),
@@ -93,7 +94,9 @@ def test_24_pins_take_the_bus_four_axes_and_four_outputs(pads):
     assert found["step"] == ("p:12", "p:14", "p:16", "p:18")
     assert found["dir"] == ("p:13", "p:15", "p:17", "p:19")
     assert found["dout"] == tuple(free[20:])
-    assert pins.left_out(found, pads) == ["nreset", "nconfig", "din[0..15]", "dout[4..13]", "led"]
+    assert pins.left_out(found, pads) == [
+        *("nreset", "data_oe", "nconfig", "din[0..15]", "dout[4..13]", "led")
+    ]
 
 
 def test_without_a_number_as_many_axes_as_fit(pads):
@@ -222,7 +225,7 @@ class PinsOfSimulation:
 def test_pads_drive_and_let_go_as_the_ports_say():
     places = {"let_go": ("p",), "step": (None, "p"), "dout": ("p",) * 5, "data": ("p", "p")}
     platform = PinsOfSimulation()
-    places |= {"nwrite": ("p",), "nwait": ("p",)}
+    places |= {"nwrite": ("p",), "nwait": ("p",), "data_oe": ("p",)}
     design = Pads(Through(), "ice40", places).elaborate(platform)
     port = platform.ports
     seen = []
@@ -248,6 +251,7 @@ def test_pads_drive_and_let_go_as_the_ports_say():
     # The bus is driven by data_oe alone; nwait always.
     assert [run["data", 0][0] for run in seen] == [0, 1, 0]
     assert (writing["data", 0], writing["data", 1]) == ((1, 0), (1, 1))
+    assert [run["data_oe", 0] for run in seen] == [(1, 0), (1, 1), (1, 0)]
     assert [run["nwait", 0] for run in seen] == [(1, 1)] * 3
     # dout shows the data pin, both open inputs at 1, and the open safety input at 0.
     assert [reading["dout", n] for n in range(5)] == [(1, 1), (1, 0), (1, 1), (1, 1), (1, 0)]

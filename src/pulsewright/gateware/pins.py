@@ -28,8 +28,9 @@ SAFETY: Final = ("estop_chain",)
 ACTIVE_HIGH: Final = (*SAFETY, "intr_i")
 # One pin per axis.
 AXIS: Final = ("step", "dir", "a", "b", "index")
-# At pins only if a map says so: the reset of the host, and what links several boards.
-UNUSED: Final = ("nreset", "ninit", "nconfig", "intr_i", "intr_o")
+# At pins only if a map says so: the reset of the host, what links several boards, and the direction
+# of a level shifter for the data.
+UNUSED: Final = ("nreset", "ninit", "nconfig", "intr_i", "intr_o", "data_oe")
 _GAP: Final = "-"
 
 
@@ -57,8 +58,8 @@ class Pad:
 def pads(component: Component) -> dict[str, Pad]:
     """Return the pads that the ports of a component make.
 
-    ``x_i``, ``x_o`` and ``x_oe`` make the bidirectional pad ``x``. A ``tristate`` output makes no
-    pad: it lets go of all outputs that do not belong to the bus.
+    ``x_i``, ``x_o`` and ``x_oe`` make the bidirectional pad ``x``, and ``x_oe`` one of its own. A
+    ``tristate`` output makes no pad: it lets go of all outputs that do not belong to the bus.
     """
     ports = {
         str(path[0]): (len(Value.cast(value)), member.flow)
@@ -66,11 +67,9 @@ def pads(component: Component) -> dict[str, Pad]:
     }
     found: dict[str, Pad] = {}
     for name, (width, flow) in ports.items():
-        stem = name.rpartition("_")[0]
-        if name.endswith(("_i", "_o", "_oe")) and {f"{stem}_{x}" for x in ("i", "o", "oe")} <= set(
-            ports
-        ):
-            found.setdefault(stem, Pad(stem, ports[f"{stem}_i"][0], "io"))
+        stem, _, suffix = name.rpartition("_")
+        if suffix in ("i", "o") and f"{stem}_oe" in ports:
+            found.setdefault(stem, Pad(stem, width, "io"))
         elif flow is Flow.In:
             found[name] = Pad(name, width, "i")
         elif name != "tristate":

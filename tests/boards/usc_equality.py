@@ -234,7 +234,7 @@ def command(random, pair):
     return [("A", byte()), ("a", 0), ("R", 0)]
 
 
-def with_times(random, accesses, pair, flaws, pauses):
+def with_times(random, accesses, flaws, pauses):
     """Make bus cycles of accesses; ``flaws``: how many in a thousand are illegal."""
     cycles = []
     pace = random.choice((5, 5, 6, 30))
@@ -243,10 +243,7 @@ def with_times(random, accesses, pair, flaws, pauses):
         if random.randrange(1000) < flaws:
             length = random.choice((1, 2, 3, 4, 7))
             gap = random.choice((0, 1, 2, 5))
-            # both strobes write a byte of an address to a register: not where an axis is absent
             flaw = random.choice((LEGAL, BOTH, NWRITE_CHANGES, DATA_CHANGES))
-            if pair.axes < 4:
-                flaw = LEGAL if flaw in (BOTH, NWRITE_CHANGES) or length < 3 else flaw
         cycles.append((ord(op), byte, length, gap, flaw))
     op, byte, length, gap, flaw = cycles[-1]
     cycles[-1] = (op, byte, length, gap + random.randrange(random.choice(pauses)), flaw)
@@ -263,16 +260,15 @@ def traffic(random, pair, size, flaws=30, quiet=False):
     size : int
         Commands. Parts repeat, as it takes long to make them; what they meet does not.
     flaws : int
-        Bus cycles in a thousand that are illegal.
+        Bus cycles in a thousand that are illegal; none where axes are absent, for they might load
+        a position there.
     quiet : bool
         Long pauses, in which timers and slow axes have time to act.
     """
     rng = np.random.default_rng(random.getrandbits(64))
     pauses = (1, 400, 4_000, 40_000) if quiet else (1, 1, 1, 40, 400)
-    pool = [
-        with_times(random, command(random, pair), pair, flaws, pauses)
-        for _ in range(min(size, 300))
-    ]
+    flaws = flaws if pair.axes == 4 else 0
+    pool = [with_times(random, command(random, pair), flaws, pauses) for _ in range(min(size, 300))]
     start = [("A", pair.base << 5 | 0x10), *[("W", d) for d in (9, 0, 0, 20, 0, 0)]]
     start += [("A", pair.base << 5 | 0x1C), ("W", 0xFB), ("A", pair.base << 5 | 0x1F), ("W", 0xFF)]
     cycles = [legal(*start), *(pool[n] for n in rng.integers(len(pool), size=size))]

@@ -195,8 +195,10 @@ def command(random, pair):
 
     kind = random.choice(COMMANDS)
     if kind == "divisors":
-        data = b"".join(divisor() for _ in range(random.randint(1, 4)))
-        return [to(0x10 + 3 * random.randrange(4)), *(("W", d) for d in data)]
+        first = random.randrange(4)
+        most = 4 if pair.axes == 4 else 4 - first  # past 1F come 00 .. 03, and they may load
+        data = b"".join(divisor() for _ in range(random.randint(1, most)))
+        return [to(0x10 + 3 * first), *(("W", d) for d in data)]
     if kind == "divisor":
         return [to(0x10 + random.randrange(12)), ("W", byte())]
     if kind == "control":

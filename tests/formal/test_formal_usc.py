@@ -78,7 +78,7 @@ def test_the_rate_generator_does_what_the_table_says(width, offset):
     ("name", "old", "new"),
     [
         ("due", "count >= self.divisor", "count > self.divisor"),
-        ("no step while halted", "self.enable & (count", "(count"),
+        ("no step while halted", "self.enable & counting", "counting"),
     ],
 )
 def test_every_demand_on_the_rate_generator_can_fail(name, old, new):

@@ -13,7 +13,7 @@ CONFIGURATIONS = {
     "document": {"watchdog_us": 300},
     "linuxcnc": {
         "profile": "linuxcnc", "boards": 2, "clock_hz": 20_000_000, "base": 1, "ident": 0x42,
-        "sense_gate": 1, "enc_filter": 3, "watchdog_us": 50, "nwait_idle": 1,
+        "sense_gate": 1, "enc_filter": 3, "watchdog_us": 200, "nwait_idle": 1,
     },
     "mariss": {
         "mariss": 1, "loopback": 1, "ident": 0x4E, "div_offset": 0, "watchdog_us": 0,
@@ -84,7 +84,7 @@ def test_gateware_matches_the_twin(scenario):
 
 @pytest.mark.parametrize("name", ["document", "linuxcnc"])
 def test_gateware_matches_the_twin_in_busy_traffic(name):
-    trace = pair(name).run(*traffic(Random(7), pair(name), 1500))
+    trace = pair(name).run(*traffic(Random(7), pair(name), 2500))
     prefix = "" if name == "document" else "b1."
     # The traffic is worth something: axes ran, turned, stopped; boards answered.
     active = {pin: len(trace[prefix + pin]) for pin in ("step0", "dir0", "running", "out0", "dac7")}

@@ -24,6 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pulsewright.boards.playing import UpdateConverter
 from pulsewright.boards.pluto_step import registers
 from pulsewright.boards.pluto_step.burst import AXES, BURST_ACCESSES
 from pulsewright.boards.pluto_step.limits import units_per_step, velocity_limit
@@ -135,7 +136,7 @@ class Updates:
         return len(self.cycle)
 
 
-class Converter:
+class Converter(UpdateConverter[Updates]):
     """Convert a trajectory to updates, in portions of any size, with the exact integer model.
 
     The board must be at rest with every velocity 0 and every direction positive for longer than
@@ -164,20 +165,16 @@ class Converter:
         first_cycle: int,
         update: int,
     ) -> None:
-        motors = trajectory.axes
-        if motors > AXES:
-            raise MotionLimitError(
-                f"pluto_step: the plan has {motors} motors, one board drives {AXES}"
-            )
-        self.trajectory = trajectory
+        super().__init__(
+            trajectory,
+            board="pluto_step",
+            axes=AXES,
+            clock_hz=registers.CLOCK_HZ,
+            first_cycle=first_cycle,
+            update_cycles=update * registers.TICK_CYCLES,
+        )
         self.timing = timing
-        self.update_cycles = update * registers.TICK_CYCLES
-        self.start_cycle = first_cycle + self.update_cycles
-        duration = math.ceil(trajectory.duration * registers.CLOCK_HZ)
-        # one update before time 0, one to reach the end, and two at rest
-        self.total = -(-duration // self.update_cycles) + 4
-        self.position = 0
-        self._first_cycle = first_cycle
+        motors = trajectory.axes
         unit = units_per_step(timing.tap)
         into = np.asarray(units, np.int64)[:motors] % unit
         # position [unit], direction, tick of the last crossing, piece of the plan
@@ -188,22 +185,9 @@ class Converter:
         self._ahead = np.full(motors, np.nan)
 
     @property
-    def done(self) -> bool:
-        """Whether the trajectory is converted to its end."""
-        return self.position >= self.total
-
-    @property
     def count(self) -> NDArray[np.int64]:
         """Position of each motor after the updates converted so far [step], shape (motors,)."""
         return self._state[:, 0] // units_per_step(self.timing.tap)
-
-    def updates_until(self, time: float) -> int:
-        """Return how many more updates reach ``time`` [s] of the plan."""
-        if time >= self.trajectory.duration:
-            return self.total - self.position
-        cycle = math.ceil(time * registers.CLOCK_HZ) + self.start_cycle
-        reach = -(-(cycle - self._first_cycle) // self.update_cycles)
-        return min(max(reach, 0), self.total) - self.position
 
     def convert(self, count: int) -> Updates:
         """Return the next ``count`` updates, fewer at the end.
@@ -216,10 +200,8 @@ class Converter:
         """
         from pulsewright.boards.pluto_step.commands_kernel import convert  # numba: on first use
 
-        n = max(min(count, self.total - self.position), 0)
-        cycle = (
-            self._first_cycle + (self.position + np.arange(n, dtype=np.int64)) * self.update_cycles
-        )
+        cycle = self._next_cycles(count)
+        n = len(cycle)
         updates = Updates(cycle, np.zeros((n, AXES), np.int16), np.zeros((n, AXES), np.int64))
         plan, timing = self.trajectory, self.timing
         worst, axis, when = convert(
@@ -244,7 +226,7 @@ class Converter:
             updates.count,
         )
         if worst > DEVIATION:
-            seconds = (cycle[when] - self.start_cycle) / registers.CLOCK_HZ
+            seconds = self._seconds(int(cycle[when]))
             raise MotionLimitError(
                 f"pluto_step axis {axis}: misses the plan by {worst:.2f} steps at {seconds:.4f} s; "
                 f"lower the velocity or acceleration of that axis"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
+from pulsewright.boards.playing import UpdatePlayer
 from pulsewright.boards.pluto_step import registers as reg
-from pulsewright.boards.pluto_step.commands import Converter, PulseTiming
+from pulsewright.boards.pluto_step.commands import Converter, PulseTiming, Updates
 from pulsewright.errors import MotionLimitError, RegisterValueError
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 LEAD: Final = 625  # from the end of preparation to the first update [tick]
 
 
-class PlutoStepPlayer:
+class PlutoStepPlayer(UpdatePlayer[Updates]):
     """Play motor positions on a pluto-step board. Creating one sends nothing; see `prepare`.
 
     Parameters
@@ -43,13 +44,11 @@ class PlutoStepPlayer:
         direction_setup: float,
         direction_hold: float,
     ) -> None:
-        self.driver = driver
-        self.trajectory = trajectory
+        super().__init__(driver, trajectory)
         self.rate, self.acceleration = max(rates), max(accelerations)
         self.pulse_width, self.pulse_space = pulse_width, pulse_space
         # the hold time counts from the active edge; the board waits from the other one on
         self.direction_time = max(direction_setup, direction_hold - pulse_width)
-        self._converter: Converter | None = None
 
     def prepare(self) -> None:
         """Bring the board from any state to rest, with its watchdog on.
@@ -92,39 +91,3 @@ class PlutoStepPlayer:
         self._converter = Converter(
             self.trajectory, timing, units=units, first_cycle=first, update=update
         )
-
-    @property
-    def converter(self) -> Converter:
-        """The conversion, its model and its position; after `prepare`."""
-        if self._converter is None:
-            raise RuntimeError("call prepare() first")
-        return self._converter
-
-    @property
-    def update(self) -> float:
-        """Time between updates [s]: two of them after a stop, every step of it has been made."""
-        return self.converter.update_cycles / reg.CLOCK_HZ
-
-    @property
-    def start_cycle(self) -> int:
-        """Clock cycle of the plan's second 0."""
-        return self.converter.start_cycle
-
-    @property
-    def done(self) -> bool:
-        """Whether the whole plan has been sent."""
-        return self.converter.done
-
-    def play(self, until: float) -> None:
-        """Stream the plan up to ``until`` [s], and see that the watchdog was fed all the time.
-
-        Raises
-        ------
-        EstopError
-            If the watchdog expired: the position is lost.
-        BusError
-            If the link failed.
-        """
-        updates = self.converter.convert(self.converter.updates_until(until))
-        self.driver.stream(updates)
-        self.driver.check_running()

@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.boards.playing import UpdateConverter
 from pulsewright.boards.usc import registers
 from pulsewright.boards.usc.burst import AXES, BURST_ACCESSES
 from pulsewright.errors import MotionLimitError
@@ -133,7 +134,7 @@ class Updates:
         return len(self.cycle)
 
 
-class Converter:
+class Converter(UpdateConverter[Updates]):
     """Convert a trajectory to updates, in portions of any size, with the exact integer model.
 
     The board must be out of estop, halted, with every direction bit 1 (positive) for at least the
@@ -154,19 +155,15 @@ class Converter:
     def __init__(
         self, trajectory: Trajectory, timing: PulseTiming, *, first_cycle: int, update: int
     ) -> None:
-        if trajectory.axes > AXES:
-            raise MotionLimitError(
-                f"usc: the plan has {trajectory.axes} motors, one board drives {AXES}"
-            )
-        self.trajectory = trajectory
+        super().__init__(
+            trajectory,
+            board="usc",
+            axes=AXES,
+            clock_hz=registers.CLOCK_HZ,
+            first_cycle=first_cycle,
+            update_cycles=update * registers.TICK_CYCLES,
+        )
         self.timing = timing
-        self.update_cycles = update * registers.TICK_CYCLES
-        self.start_cycle = first_cycle + self.update_cycles
-        duration = math.ceil(trajectory.duration * registers.CLOCK_HZ)
-        # one update before time 0, and three to see the last step out and halt
-        self.total = -(-duration // self.update_cycles) + 4
-        self.position = 0
-        self._first_cycle = first_cycle
         # phase base, last pulse and earliest settled pulse [tick]; count; direction; run; piece
         self._state = np.zeros((trajectory.axes, 7), np.int64)
         self._state[:, 1] = -(1 << 40)  # no pulse yet
@@ -175,22 +172,9 @@ class Converter:
         self._ahead = np.full((trajectory.axes, 2), np.nan)
 
     @property
-    def done(self) -> bool:
-        """Whether the trajectory is converted to its end."""
-        return self.position >= self.total
-
-    @property
     def count(self) -> NDArray[np.int64]:
         """Position of each motor after the updates converted so far [step], shape (motors,)."""
         return self._state[:, 3].copy()
-
-    def updates_until(self, time: float) -> int:
-        """Return how many more updates reach ``time`` [s]; at the end of the plan, all."""
-        if time >= self.trajectory.duration:
-            return self.total - self.position
-        cycle = math.ceil(time * registers.CLOCK_HZ) + self.start_cycle
-        reach = -(-(cycle - self._first_cycle) // self.update_cycles)
-        return max(min(reach, self.total) - self.position, 0)
 
     def convert(self, count: int) -> Updates:
         """Return the next ``count`` updates, fewer at the end.
@@ -202,10 +186,8 @@ class Converter:
         """
         from pulsewright.boards.usc.commands_kernel import convert  # numba: on first use only
 
-        n = min(count, self.total - self.position)
-        cycle = (
-            self._first_cycle + (self.position + np.arange(n, dtype=np.int64)) * self.update_cycles
-        )
+        cycle = self._next_cycles(count)
+        n = len(cycle)
         updates = Updates(
             cycle=cycle,
             divisor=np.full((n, AXES), (1 << 24) - 1, np.uint32),
@@ -236,7 +218,7 @@ class Converter:
             updates.count,
         )
         if worst > DEVIATION:
-            seconds = (cycle[when] - self.start_cycle) / registers.CLOCK_HZ
+            seconds = self._seconds(int(cycle[when]))
             raise MotionLimitError(
                 f"usc axis {axis}: falls {worst:.2f} steps behind the plan at {seconds:.4f} s; "
                 f"lower the velocity or acceleration of that axis"

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pulsewright.boards.usc import registers
 from pulsewright.boards.usc.burst import CONTROL_ACCESS, DIVISOR_ACCESS
-from pulsewright.motion.evaluate import coordinate, path_coordinate, piece_at
-from pulsewright.twin.kernel import inlined, kernel
+from pulsewright.motion.evaluate import position_at
+from pulsewright.twin.kernel import kernel
 
 TICK_CYCLES: Final = registers.TICK_CYCLES
 SECONDS_PER_CYCLE: Final = 1.0 / registers.CLOCK_HZ
@@ -19,18 +19,6 @@ SECONDS_PER_CYCLE: Final = 1.0 / registers.CLOCK_HZ
 LONGEST_PERIOD: Final = (1 << 24) - 1 - 20_000
 
 BASE, PULSE, SETTLED, COUNT, DIRECTION, RUN, PIECE = range(7)  # columns of the state
-
-
-@inlined
-def position(geometry: Any, law: Any, state: NDArray[np.int64], axis: int, cycles: int) -> float:
-    """Return the planned position [step], ``cycles`` after time 0; at rest before and after."""
-    poly, cosine, sine, omega = geometry
-    element, start, time_law = law
-    t = min(max(cycles * SECONDS_PER_CYCLE, 0.0), start[-1])
-    k = piece_at(start, t, state[axis, PIECE])
-    state[axis, PIECE] = k
-    s = path_coordinate(time_law, k, t - start[k])
-    return coordinate(poly, cosine, sine, omega, element[k], axis, s)
 
 
 @kernel
@@ -60,12 +48,14 @@ def convert(
             commit = (cycle[j] + DIVISOR_ACCESS[i] * access) // TICK_CYCLES + 1  # divisor acts
             end = commit + update // TICK_CYCLES  # and until here
             if math.isnan(ahead[i, 0]):
-                ahead[i, 0] = position(geometry, law, state, i, commit * TICK_CYCLES - origin)
-                ahead[i, 1] = position(geometry, law, state, i, end * TICK_CYCLES - origin)
+                time = (commit * TICK_CYCLES - origin) * SECONDS_PER_CYCLE
+                ahead[i, 0], state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
+                time = (end * TICK_CYCLES - origin) * SECONDS_PER_CYCLE
+                ahead[i, 1], state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
             now = ahead[i, 0]
             ahead[i, 0] = ahead[i, 1]
-            after = (end + update // TICK_CYCLES) * TICK_CYCLES - origin
-            ahead[i, 1] = position(geometry, law, state, i, after)
+            time = (end * TICK_CYCLES + update - origin) * SECONDS_PER_CYCLE
+            ahead[i, 1], state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
             target, change = ahead[i, 0], ahead[i, 1] - ahead[i, 0]
 
             direction = state[i, DIRECTION]

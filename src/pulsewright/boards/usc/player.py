@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
+from pulsewright.boards.playing import UpdatePlayer
 from pulsewright.boards.usc import registers as reg
-from pulsewright.boards.usc.commands import Converter, PulseTiming
+from pulsewright.boards.usc.commands import Converter, PulseTiming, Updates
 
 if TYPE_CHECKING:
     from pulsewright.boards.usc.driver import UscDriver
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 LEAD: Final = 1e-3  # from the end of preparation to the first update [s]
 
 
-class UscPlayer:
+class UscPlayer(UpdatePlayer[Updates]):
     """Play motor positions on a USC. Creating one sends nothing; see `prepare`.
 
     Parameters
@@ -43,14 +44,12 @@ class UscPlayer:
         direction_setup: float,
         direction_hold: float,
     ) -> None:
-        self.driver = driver
-        self.trajectory = trajectory
+        super().__init__(driver, trajectory)
         self.rate, self.acceleration = max(rates), max(accelerations)
         self.pulse_width = max(pulse_width, 1 / reg.TICK_HZ)
         self.pulse_space = pulse_space
         # the hold time counts from the active edge; the board waits from the other one on
         self.setup_time = max(direction_setup, direction_hold - self.pulse_width, 1 / reg.TICK_HZ)
-        self._converter: Converter | None = None
 
     def prepare(self) -> None:
         """Bring the board from any state out of emergency stop, at rest.
@@ -78,39 +77,3 @@ class UscPlayer:
         lead = math.ceil(LEAD * reg.TICK_HZ) * reg.TICK_CYCLES
         first = -(-driver.bus.now() // reg.TICK_CYCLES) * reg.TICK_CYCLES + lead
         self._converter = Converter(self.trajectory, timing, first_cycle=first, update=update)
-
-    @property
-    def converter(self) -> Converter:
-        """The conversion, its model and its position; after `prepare`."""
-        if self._converter is None:
-            raise RuntimeError("call prepare() first")
-        return self._converter
-
-    @property
-    def update(self) -> float:
-        """Time between updates [s]: two of them after a stop, every step of it has been made."""
-        return self.converter.update_cycles / reg.CLOCK_HZ
-
-    @property
-    def start_cycle(self) -> int:
-        """Clock cycle of the plan's second 0."""
-        return self.converter.start_cycle
-
-    @property
-    def done(self) -> bool:
-        """Whether the whole plan has been sent."""
-        return self.converter.done
-
-    def play(self, until: float) -> None:
-        """Stream the plan up to ``until`` [s], and see that the board ran all the time.
-
-        Raises
-        ------
-        EstopError
-            If the board went to emergency stop: the position is lost.
-        BusError
-            If the link failed.
-        """
-        updates = self.converter.convert(self.converter.updates_until(until))
-        self.driver.stream(updates)
-        self.driver.check_running()

@@ -95,6 +95,7 @@ def test_no_bus_sequence_confuses_the_port():
     assert prove(PortBench()).holds
 
 
+@pytest.mark.campaign
 def test_an_smt_solver_agrees_about_the_port():
     assert prove_by_induction(PortBench(), depth=10).holds
     broken = PortBench(mutant(epp, "stages[1] & ~stages[2]", "stages[1] & ~stages[3]"))
@@ -107,6 +108,7 @@ def test_no_bus_sequence_hangs_the_handshake_of_a_board(board):
     assert prove(BOARDS[board]()).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -130,6 +132,7 @@ def test_every_demand_on_the_port_can_fail(name, old, new):
     assert not prove(PortBench(mutant(epp, old, new)), name, depth=30).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "module", "old", "new"),
     [
@@ -143,5 +146,6 @@ def test_every_demand_on_the_bus_of_a_board_can_fail(name, module, old, new):
     assert not prove(bench, name, depth=30).holds
 
 
+@pytest.mark.campaign
 def test_the_host_can_have_an_answer():
     assert reach(PortBench(), "an answer", depth=10).trace

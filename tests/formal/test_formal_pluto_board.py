@@ -22,6 +22,7 @@ def test_the_divider_of_ticks_keeps_its_period():
     assert prove(DividerBench(period=64)).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("old", "new"), [("rest & state[-1]", "state[-1]"), ("state[:-1].any()", "state.any()")]
 )

@@ -42,6 +42,7 @@ def test_the_serial_timer_is_a_timer():
     assert prove(TimerBench()).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -77,6 +78,7 @@ def test_the_extended_profile_keeps_the_pins_safe():
     assert prove(PinBench(None), *ANYTHING_GOES).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("tap", range(4))
 def test_steps_out_are_position_counted(tap):
     """Every step of the position comes out once, or is reported as missed."""
@@ -120,6 +122,7 @@ def test_every_demand_on_the_pins_can_fail(name, old, new):
     assert not prove(bench, name, depth=150).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("steptime", "space"), [(0, 0), (3, 2)])
 def test_no_step_is_missed_up_to_the_speed_limit(steptime, space):
     assert prove(SpeedBench(steptime=steptime, space=space), "no step is missed").holds
@@ -133,6 +136,7 @@ def test_the_original_is_safe_while_no_reversal_is_called_off():
     assert prove(bench, *ORIGINAL).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", ["width", "position moves along dir"])
 def test_the_original_always_keeps(name):
     assert prove(PinBench(None, extended=False), name).holds
@@ -144,6 +148,7 @@ def test_the_original_changes_dir_while_step_is_high_after_a_reversal_called_off
     assert reach(bench, "dir changes while step is high", depth=40).trace
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "goal", ["dir changes", "dir changes back", "a reversal is called off", "a step is missed"]
 )

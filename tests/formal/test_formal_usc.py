@@ -28,12 +28,14 @@ def test_the_pulse_former_does_what_the_table_says(min_space, mariss):
     assert prove(PulseTableBench(min_space=min_space, change_at_fall=mariss)).holds
 
 
+@pytest.mark.campaign
 @SPACES
 @MARISS
 def test_the_pulse_former_keeps_the_pins_safe(min_space, mariss):
     assert prove(PulsePinBench(min_space=min_space, change_at_fall=mariss)).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -59,11 +61,13 @@ def test_every_demand_on_the_pins_can_fail(name, old, new):
     assert not prove(bench, name, depth=40).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("goal", ["dir changes back", "a second pulse"])
 def test_the_pulse_bench_allows_what_it_is_about(goal):
     assert reach(PulsePinBench(min_space=3), goal, depth=40).trace
 
 
+@pytest.mark.campaign
 def test_a_pulse_former_that_differs_from_the_table_is_found():
     broken = mutant(step_pulse, "turn & (ended | setting_up)", "turn & ended")
     assert not prove(PulseTableBench(broken), depth=40).holds
@@ -74,6 +78,7 @@ def test_the_rate_generator_does_what_the_table_says(width, offset):
     assert prove(PeriodBench(width=width, offset=offset)).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -85,6 +90,7 @@ def test_every_demand_on_the_rate_generator_can_fail(name, old, new):
     assert not prove(PeriodBench(mutant(step_rate, old, new)), name, depth=40).holds
 
 
+@pytest.mark.campaign
 def test_the_rate_generator_bench_allows_a_second_period():
     assert reach(PeriodBench(), "a second period", depth=20).trace
 
@@ -94,6 +100,7 @@ def test_estop_overrides_everything():
     assert reach(EstopBench(), "runs again", depth=20).trace
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -119,6 +126,7 @@ def test_the_watchdog_expires_in_time(ticks, starts_expired):
     assert prove(WatchdogBench(ticks=ticks, starts_expired=starts_expired)).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -135,12 +143,14 @@ def test_every_demand_on_the_watchdog_can_fail(name, old, new):
 PROFILES = pytest.mark.parametrize("profile", ["document", "linuxcnc"])
 
 
+@pytest.mark.campaign
 @PROFILES
 def test_in_estop_no_pulse_starts_whatever_happens_on_the_bus(profile):
     assert prove(BoardEstopBench(profile=profile)).holds
     assert prove(BoardEstopBench(profile=profile, slave=False)).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -159,6 +169,7 @@ def test_every_demand_on_the_board_in_estop_can_fail(name, old, new):
     assert not prove(bench, name, depth=60).holds
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "goal", ["a pulse starts", "stops while a pulse is out", "a slave runs with its chain open"]
 )

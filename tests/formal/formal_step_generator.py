@@ -327,11 +327,14 @@ class SteadyBench(PinBench):
 
 
 class SpeedBench(PinBench):
-    """A client keeps to the speed limit of a pulse and a space that it does not change."""
+    """A client keeps to the speed limit of a pulse and a space that it does not change.
+
+    In profile ``exact`` it calls off no reversal either.
+    """
 
     def __init__(self, module=None, *, steptime, space, extended=True, limit=None):
         self.pulse, self.gap = steptime, space
-        ticks = steptime + space + 2
+        ticks = steptime + 2 + (space if extended else 0)
         self.limit = 2048 // ticks if limit is None else limit
         super().__init__(module, fixed_tap=0, extended=extended)
 
@@ -339,4 +342,6 @@ class SpeedBench(PinBench):
         super().observe(m)
         self.assume(self.times["steptime"] == self.pulse)
         self.assume(self.space == self.gap)
+        if not self.switches["clean_cancel"]:
+            self.assume(~self.calls_off)
         self.assume((self.velocity <= self.limit) & (self.velocity >= -self.limit))

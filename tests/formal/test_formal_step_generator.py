@@ -131,6 +131,16 @@ def test_no_step_is_missed_up_to_the_speed_limit(steptime, space):
 
 
 @pytest.mark.campaign
+@pytest.mark.parametrize("steptime", [0, 3])
+def test_the_original_loses_no_step_up_to_the_speed_limit(steptime):
+    counted = "steps out are position counted"
+    bench = SpeedBench(steptime=steptime, space=0, extended=False)
+    assert prove(bench, counted).holds
+    fast = SpeedBench(steptime=steptime, space=0, extended=False, limit=2047)
+    assert not prove(fast, counted, depth=60).holds
+
+
+@pytest.mark.campaign
 def test_the_original_is_safe_while_no_reversal_is_called_off():
     bench = SteadyBench(None, fixed_tap=0, extended=False)
     assert prove(bench, *ORIGINAL).holds

@@ -1,6 +1,9 @@
 """The benchmarks run and measure what they say; how fast is no matter here."""
 
-from pulsewright.app import bench
+import pytest
+
+from pulsewright.app import bench, build
+from pulsewright.errors import UsageError
 from pulsewright.motion.gcode import interpret
 
 
@@ -8,9 +11,10 @@ def test_the_twin_benchmark_records_every_edge(monkeypatch):
     monkeypatch.setattr(bench, "TWIN_SECONDS", 1)
     figures = bench.run("twin")
     assert all(figure["value"] > 0 for figure in figures)
-    # one second of 4 axes, periods of 199..201 ticks: 200 000 pulses, a rise and a fall each
-    edges_per_ratio = figures[2]["value"] * 1e6 / figures[0]["value"]
-    assert abs(edges_per_ratio - 400_000) < 4_000
+    # one second of 4 axes at 50 k step/s, within a percent: 200 000 pulses, a rise and a fall each,
+    # and on pluto_step those of axis 0 once more at its LED
+    for (alone, _, rate), edges in ((figures[:3], 400_000), (figures[3:], 500_000)):
+        assert abs(rate["value"] * 1e6 / alone["value"] - edges) < 4_000
     assert "x real time" in bench.text(figures)
 
 
@@ -20,3 +24,22 @@ def test_the_surfacing_program_takes_about_the_time_asked(tmp_path):
     moves = interpret(path).moves
     length = abs(moves.end[1:-1] - moves.end[:-2])[:, :2].sum()
     assert abs(length / 25.0 - 60.0) < 8.0  # at 25 mm/s, whole rows
+
+
+def test_area_writes_the_page_that_it_prints(monkeypatch, tmp_path):
+    pytest.importorskip("amaranth")
+    monkeypatch.setattr(build, "DESIGNS", (("pluto_step", "exact"),))
+    monkeypatch.setattr(build, "SEEDS", (1,))
+    figures = bench.run("area", page=tmp_path / "resources.md")
+    luts = [figure["value"] for figure in figures if figure["unit"] == "LUT4"]
+    lines = (tmp_path / "resources.md").read_text().splitlines()
+    rows = [line.split("|") for line in lines if line.startswith("| pluto_step")]
+    assert [int(row[4]) for row in rows] == luts
+    assert all(0 < lut <= aim for lut, aim in zip(luts, (300, 240), strict=True))
+
+
+def test_a_page_of_speeds_is_refused(tmp_path):
+    with pytest.raises(UsageError, match="bench area"):
+        bench.run("twin", page=tmp_path / "page.md")
+    with pytest.raises(UsageError, match="twin, job, area"):
+        bench.run("size")

@@ -1,6 +1,6 @@
-"""Speed against real time, all of it measured in one run on one machine.
+"""Speed against real time and size of gateware, each measured in one run on one machine.
 
-Figures are CPU time of one process, so that other work on a shared machine blurs them little;
+Speeds are CPU time of one process, so that other work on a shared machine blurs them little;
 compiled kernels are warm. Nothing here decides whether a test passes.
 """
 
@@ -20,10 +20,10 @@ import numpy as np
 
 from pulsewright.app.progress import Progress, silent
 from pulsewright.errors import UsageError
+from pulsewright.files import replacing
 
 if TYPE_CHECKING:
-    from pulsewright.boards.usc.commands import Updates
-    from pulsewright.boards.usc.driver import UscDriver
+    from numpy.typing import NDArray
 
 Figures = list[dict[str, Any]]
 
@@ -32,8 +32,17 @@ TWIN_RATE: Final = 50_000  # [step/s] of each of four axes
 HOUR: Final = 3600.0
 
 
-def run(name: str | None = None, *, progress: Progress = silent) -> Figures:
-    """Run one benchmark, or all of them.
+def run(
+    name: str | None = None, *, page: Path | None = None, progress: Progress = silent
+) -> Figures:
+    """Run one benchmark, or all that need no tools for FPGAs.
+
+    Parameters
+    ----------
+    name : str, optional
+        One of `BENCHMARKS`; None: those of speed.
+    page : Path, optional
+        For ``area``: also write the table as Markdown.
 
     Returns
     -------
@@ -43,14 +52,18 @@ def run(name: str | None = None, *, progress: Progress = silent) -> Figures:
     Raises
     ------
     UsageError
-        If there is no benchmark of that name.
+        If there is no benchmark of that name, or no page of it.
     """
     if name is not None and name not in BENCHMARKS:
         raise UsageError(f"no benchmark '{name}'; there are {', '.join(BENCHMARKS)}")
+    if page is not None and name != "area":
+        raise UsageError("--page is for 'bench area', which can write its table as Markdown")
+    if name == "area":
+        return area(page, progress)
     results: Figures = []
-    for key in [name] if name else list(BENCHMARKS):
+    for key in [name] if name else list(SPEED):
         progress(key, 0.0)
-        results += BENCHMARKS[key]()
+        results += SPEED[key]()
         progress(key, 1.0)
     return results
 
@@ -68,71 +81,82 @@ def _figure(name: str, what: str, value: float, unit: str, aim: str) -> dict[str
 
 
 def twin() -> Figures:
-    """Four axes at 50 k step/s, all divisors rewritten with new values every ms.
+    """Four axes at 50 k step/s, all rates rewritten with new values every ms, on each board.
 
     Once the twin alone, from a ready array of bus accesses to edges in its buffers, and once with
     the driver that makes the accesses and a copy of the edges.
     """
+    return _usc_twin() + _pluto_step_twin()
+
+
+def _usc_twin() -> Figures:
+    from pulsewright.boards import open_board
     from pulsewright.boards.usc import registers as reg
     from pulsewright.boards.usc.burst import AXES
     from pulsewright.boards.usc.commands import Updates
-    from pulsewright.boards.usc.driver import UscDriver
-    from pulsewright.boards.usc.twin import UscTwin
-    from pulsewright.transport.virtual import VirtualEppBus
 
-    twin = UscTwin()
-    driver = UscDriver(VirtualEppBus(twin))
+    driver = open_board("usc")
     driver.initialise(pulse_width=2.5e-6, setup_time=5e-6)
     driver.release_estop()
-    millisecond = reg.CLOCK_HZ // 1000
-    wobble = np.array([-1, 0, 1, 0])  # periods of 199, 200, 201 ticks: every write is a change
-    period = reg.TICK_HZ // TWIN_RATE + wobble[(np.arange(1000)[:, None] + np.arange(AXES)) % 4]
+    period = reg.TICK_HZ // TWIN_RATE + _wobble(AXES)  # 199, 200, 201 ticks
+    divisor = (period - driver.div_offset).astype(np.uint32)
+    control, count = np.full(1000, 0xFF, np.uint8), np.zeros((1000, AXES), np.int64)
+    return _twin_figures("usc", driver, lambda cycle: Updates(cycle, divisor, control, count))
+
+
+def _pluto_step_twin() -> Figures:
+    from pulsewright.boards import open_board
+    from pulsewright.boards.pluto_step import registers as reg
+    from pulsewright.boards.pluto_step.burst import AXES
+    from pulsewright.boards.pluto_step.commands import Updates
+    from pulsewright.boards.pluto_step.limits import units_per_step
+
+    driver = open_board("pluto_step")
+    driver.initialise(step_time=2.5e-6, direction_time=5e-6, max_rate=1.1 * TWIN_RATE)
+    driver.release_estop()
+    word = round(TWIN_RATE * units_per_step(driver.tap) / reg.TICK_HZ)
+    velocity, count = (word + _wobble(AXES)).astype(np.int16), np.zeros((1000, AXES), np.int64)
+    return _twin_figures("pluto_step", driver, lambda cycle: Updates(cycle, velocity, count))
+
+
+def _wobble(axes: int) -> NDArray[np.int64]:
+    """Return small numbers for 1000 updates, so that every write is a change."""
+    turns = (np.arange(1000)[:, None] + np.arange(axes)) % 4
+    return np.array([-1, 0, 1, 0], np.int64).take(turns)
+
+
+def _twin_figures(board: str, driver: Any, updates: Callable[[NDArray[np.int64]], Any]) -> Figures:
+    """Time the twin behind ``driver``; ``updates`` makes a second of them at given cycles."""
+    twin = driver.bus.twin
+    millisecond = twin.clock_hz // 1000
     alone, whole, edges = _Stopwatch(), _Stopwatch(), 0
     transact = twin.transact
+
+    def play(second: Any) -> None:
+        driver.stream(second)
+        twin.drain()
+
     first = twin.now + millisecond
     for second in range(2 * TWIN_SECONDS + 2):
         by_itself, warm = second % 2 == 0, second >= 2
         # for the twin alone, the time of the bus call only, and edges are looked at in place
-        twin.transact = alone.timing(transact) if by_itself and warm else transact  # type: ignore[method-assign]
-        cycle = first + (np.arange(1000) + 1000 * second) * millisecond
-        updates = Updates(
-            cycle=cycle.astype(np.int64),
-            divisor=(period - driver.div_offset).astype(np.uint32),
-            control=np.full(1000, 0xFF, np.uint8),
-            count=np.zeros((1000, AXES), np.int64),
-        )
+        twin.transact = alone.timing(transact) if by_itself and warm else transact
+        columns = updates(first + (np.arange(1000) + 1000 * second) * millisecond)
         if by_itself:
-            driver.stream(updates)
+            driver.stream(columns)
             drain = alone.timing(twin.drain) if warm else twin.drain
             chunk = drain(copy=False)
             edges += sum(len(c) for c in chunk.cycles) if warm else 0
         else:
-            play = whole.timing(_play) if warm else _play
-            play(driver, updates)
+            (whole.timing(play) if warm else play)(columns)
     driver.check_running()
     what = f"4 axes x {TWIN_RATE // 1000} k step/s, 1 kHz register writes"
+    speed, played = TWIN_SECONDS / alone.seconds, TWIN_SECONDS / whole.seconds
     return [
-        _figure(
-            "twin",
-            f"usc twin alone: {what}",
-            TWIN_SECONDS / alone.seconds,
-            "x real time",
-            ">= 1000",
-        ),
-        _figure(
-            "twin",
-            "with its driver, edges copied",
-            TWIN_SECONDS / whole.seconds,
-            "x real time",
-            "-",
-        ),
+        _figure("twin", f"{board} twin alone: {what}", speed, "x real time", ">= 1000"),
+        _figure("twin", "with its driver, edges copied", played, "x real time", "-"),
         _figure("twin", "edges recorded by the twin", edges / alone.seconds / 1e6, "M/s", "-"),
     ]
-
-
-def _play(driver: UscDriver, updates: Updates) -> None:
-    driver.stream(updates)
-    driver.bus.twin.drain()  # type: ignore[attr-defined]
 
 
 class _Stopwatch:
@@ -202,7 +226,32 @@ def _job_process(program: Path, folder: Path) -> None:
     print(result.job.duration, spent, result.verdict.steps, peak)
 
 
-BENCHMARKS: Final[dict[str, Callable[[], Figures]]] = {"twin": twin, "job": job}
+def area(page: Path | None = None, progress: Progress = silent) -> Figures:
+    """Size and speed of all gateware on both FPGA families; ``page`` gets the table.
+
+    Raises
+    ------
+    UsageError
+        If a tool is missing, or the page cannot be written.
+    """
+    from pulsewright.app import build
+
+    rows = build.area(build.DESIGNS, build.SEEDS, progress)
+    if page is not None:
+        with replacing(page) as temporary:
+            temporary.write_text(build.area_page(rows))
+    figures = []
+    for row in rows:
+        what = f"{row.board} {row.profile} on {row.device}"
+        lut = f"<= {row.aim.lut}" if row.aim else "-"
+        clock = f">= {row.aim.clock_mhz:g}" if row.aim else "-"
+        figures.append(_figure("area", what, row.resources.lut, "LUT4", lut))
+        figures.append(_figure("area", f"{what}, median", row.clock_mhz, "MHz", clock))
+    return figures
+
+
+SPEED: Final[dict[str, Callable[[], Figures]]] = {"twin": twin, "job": job}
+BENCHMARKS: Final = (*SPEED, "area")
 
 if __name__ == "__main__":
     _job_process(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -162,16 +162,20 @@ def build(
 @app.command()
 def bench(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="twin or job; default: all.")
+        str | None,
+        typer.Argument(metavar="[NAME]", help="twin, job or area; default: twin and job."),
+    ] = None,
+    page: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="For area: write its table as Markdown.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure speed against real time, side by side in one run."""
+    """Measure speed against real time, or size and clock of the gateware, in one run."""
     from pulsewright.app import bench as bench_module
     from pulsewright.app.progress import progress
 
     with progress() as report_progress:
-        results = bench_module.run(name, progress=report_progress)
+        results = bench_module.run(name, page=page, progress=report_progress)
     if as_json:
         _print_json(results)
     else:

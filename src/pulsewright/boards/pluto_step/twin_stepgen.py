@@ -1,8 +1,8 @@
 """The step generator of one axis: tick by tick as specified, pulse trains in closed form.
 
 An axis that runs at constant velocity, fast enough for its pulses not to merge, makes its steps at
-the ticks at which an accumulator crosses multiples of one step. Those ticks differ by one of two
-whole numbers; a Bresenham loop writes them to the edge buffer. Everything else (reversals, merged
+the ticks at which an accumulator crosses multiples of one step. Each of them is a division away
+from the first, so vector code writes them to the edge buffer. Everything else (reversals, merged
 pulses, the ends of a stretch) goes tick by tick.
 """
 
@@ -174,19 +174,19 @@ def write_train(
 ) -> None:
     """Write the edges of ``count`` pulses of which the first rises at ``cycle``."""
     unit = UNITS_PER_STEP << timing.tap
-    whole = unit // speed
-    rest = unit - whole * speed
     width = (timing.step_time + 1) * TICK_CYCLES
-    short, long = whole * TICK_CYCLES, (whole + 1) * TICK_CYCLES
-    cycles = rows.cycles
+    # Pulse k comes ceil((k unit - over) / speed) ticks later, here the floor of
+    # (k unit - over + speed - 1/2) / speed: never a whole number, so rounding to double (far
+    # finer than the 1 / (2 speed) to the next one) cannot change it. Pulses do not depend on
+    # each other, so this becomes vector code.
+    ahead = speed - 0.5 - over
+    scale = TICK_CYCLES / speed
     at = rows.pins[row].first + rows.pins[row].used
-    for _ in range(count):
-        cycles[at] = cycle
-        cycles[at + 1] = cycle + width
-        at += 2
-        late = over < rest  # one more tick is needed
-        over += speed - rest if late else -rest
-        cycle += long if late else short
+    edges = rows.cycles[at : at + 2 * count]
+    for k in range(count):
+        rise = cycle + (np.int64((ahead + k * unit) * scale) & -TICK_CYCLES)
+        edges[2 * k] = rise
+        edges[2 * k + 1] = rise + width
     append(rows, row, 2 * count)
 
 

@@ -82,15 +82,16 @@ def python(registers: RegisterMap) -> str:
         *_import("pulsewright.registers.model", sorted(_classes(registers))),
     ]
     for constant in registers.constants:
-        lines += ["", *_comments(f"{constant.desc} [{constant.unit}]")]
-        lines.append(f"{constant.name}: Final = {constant.value:_}")
+        lines += ["", *_comments(constant.comment)]
+        lines.append(f"{constant.name}: Final = {constant.text}")
     for register in registers.registers:
         lines += ["", *_comments(f"{register.label()} ({register.side})")]
+        written = "" if registers.numbered else "addresses"
         at = register.addresses if len(register.addresses) > 1 else register.addresses[0]
-        lines.append(f"{register.key}: Final = {_literal(at, 'addresses')}")
+        lines.append(f"{register.key}: Final = {_literal(at, written)}")
         for i, alias in enumerate(register.alias_groups):
             at = alias if len(alias) > 1 else alias[0]
-            lines.append(f"{register.key}_ALIAS{i or ''}: Final = {_literal(at, 'addresses')}")
+            lines.append(f"{register.key}_ALIAS{i or ''}: Final = {_literal(at, written)}")
         digits = 2 * register.size
         if register.reset is not None:
             lines.append(f"{register.key}_RESET: Final = 0x{register.reset:0{digits}X}")
@@ -98,6 +99,11 @@ def python(registers: RegisterMap) -> str:
             prefix = f"{register.key}_{field.name.upper()}"
             lines.append(f"{prefix}_LSB: Final = {field.lsb}")
             lines.append(f"{prefix}_MASK: Final = 0x{field.mask:0{digits}X}")
+    for table in registers.tables:
+        lines += ["", *_comments(table.title + (" [bit]" if table.unit == "bit" else ""))]
+        lines += [
+            f"{table.prefix}_{code.name}: Final = {table.text(code.value)}" for code in table.codes
+        ]
     if registers.profiles:
         lines += ["", f'DEFAULT_PROFILE: Final = "{registers.profiles[0]}"']
         lines.append("PROFILES: Final[dict[str, dict[str, int]]] = {")

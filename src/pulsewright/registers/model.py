@@ -131,6 +131,8 @@ class Register:
         Profile switch that the register reads as.
     present_with : tuple of str
         Not empty: the register is there if one of these profile switches is not 0.
+    address_bytes : int
+        Bytes at one address; where it is ``size``, addresses are register numbers.
     """
 
     board: str
@@ -149,6 +151,7 @@ class Register:
     min_version: int = 0
     follows: str = ""
     present_with: tuple[str, ...] = ()
+    address_bytes: int = 1
 
     @property
     def key(self) -> str:
@@ -193,7 +196,7 @@ class Register:
         """Name the register, one instance of it, or one byte of that, for tables."""
         numbers = f"0..{len(self.addresses) - 1}" if instance is None else str(instance)
         text = self.title.replace("{n}", numbers)
-        if byte is None or self.size == 1:
+        if byte is None or self.size == self.address_bytes:
             return text
         if self.size > 3:
             return f"{text}, byte {byte}"
@@ -203,7 +206,7 @@ class Register:
 
 @dataclass(frozen=True)
 class Place:
-    """What is at one address: byte ``byte`` of instance ``instance`` of ``register``."""
+    """What is at one address: ``register``, instance ``instance``, from byte ``byte`` on."""
 
     register: Register
     instance: int
@@ -268,12 +271,120 @@ class ProfileSwitch:
 
 @dataclass(frozen=True)
 class Constant:
-    """A number of the board that is no register: a clock rate, a fixed time."""
+    """A number of the board that is no register: a clock rate, a fixed time.
+
+    ``unit`` may be empty, or ``hex`` for a number best read in hexadecimal.
+    """
 
     name: str
     value: int
     unit: str
     desc: str
+
+    @property
+    def text(self) -> str:
+        """The value as code writes it."""
+        return f"0x{self.value:02X}" if self.unit == "hex" else f"{self.value:_}"
+
+    @property
+    def comment(self) -> str:
+        """The meaning with its unit, if it has one."""
+        return f"{self.desc} [{self.unit}]" if self.unit not in ("", "hex") else self.desc
+
+
+@dataclass(frozen=True)
+class Argument:
+    """A number in a message.
+
+    Parameters
+    ----------
+    name : str
+        Lower case, as in the source.
+    size : int
+        Bytes, low byte first.
+    repeat : str
+        Not empty: there are as many of it as the earlier argument of this name says.
+    """
+
+    name: str
+    size: int
+    repeat: str = ""
+
+    @property
+    def text(self) -> str:
+        """The argument as documents write it: ``value u32``, ``words u40 x count``."""
+        times = f" x {self.repeat}" if self.repeat else ""
+        return f"{self.name} u{8 * self.size}{times}"
+
+
+@dataclass(frozen=True)
+class Code:
+    """A number with a name: an interrupt, a command, an instruction.
+
+    Parameters
+    ----------
+    name : str
+        Upper case: ``ASG_DONE``.
+    value : int
+        The number.
+    desc : str
+        Meaning, in words.
+    request, reply : tuple of Argument
+        What goes with it in a message, and with the answer to that, in order.
+    """
+
+    name: str
+    value: int
+    desc: str
+    request: tuple[Argument, ...] = ()
+    reply: tuple[Argument, ...] = ()
+
+
+@dataclass(frozen=True)
+class Table:
+    """Codes of one kind, which are no register.
+
+    Parameters
+    ----------
+    prefix : str
+        Begins the names of the constants: ``INT`` in ``INT_ASG_DONE``.
+    title : str
+        For people.
+    codes : tuple of Code
+        By value.
+    unit : str
+        ``hex`` where values are best read in hexadecimal, ``bit`` where they are bit numbers.
+    desc : str
+        What they have in common, in words.
+    """
+
+    prefix: str
+    title: str
+    codes: tuple[Code, ...]
+    unit: str = ""
+    desc: str = ""
+
+    def __getitem__(self, name: str) -> Code:
+        """Return a code by its name.
+
+        Raises
+        ------
+        UsageError
+            If there is none; the message lists those there are.
+        """
+        for code in self.codes:
+            if code.name == name:
+                return code
+        known = ", ".join(code.name for code in self.codes)
+        raise UsageError(f"{self.title}: no '{name}'; there are {known}")
+
+    def at(self, value: int) -> Code | None:
+        """Return the code with a value, or None where that is unused."""
+        return next((code for code in self.codes if code.value == value), None)
+
+    def text(self, value: int) -> str:
+        """Write a value as its documents do."""
+        return f"0x{value:02X}" if self.unit == "hex" else str(value)
 
 
 @dataclass(frozen=True)
@@ -294,6 +405,8 @@ class RegisterMap:
         Clock rates and other fixed numbers.
     address_bits : int
         Bits of an address that select the register.
+    tables : tuple of Table
+        Interrupts, commands and other codes that are no registers.
     """
 
     board: str
@@ -304,6 +417,26 @@ class RegisterMap:
     switches: tuple[ProfileSwitch, ...]
     constants: tuple[Constant, ...]
     address_bits: int
+    tables: tuple[Table, ...] = ()
+
+    @property
+    def numbered(self) -> bool:
+        """Whether an address is the number of a whole register, and not of a byte."""
+        return all(register.address_bytes == register.size > 1 for register in self.registers)
+
+    def table(self, prefix: str) -> Table:
+        """Return the table whose constants begin with ``prefix``.
+
+        Raises
+        ------
+        UsageError
+            If there is none; the message lists those there are.
+        """
+        for table in self.tables:
+            if table.prefix == prefix:
+                return table
+        known = ", ".join(table.prefix for table in self.tables) or "none"
+        raise UsageError(f"{self.board} has no table '{prefix}'; it has {known}")
 
     @cached_property
     def _by_key(self) -> Mapping[str, Register]:
@@ -317,8 +450,9 @@ class RegisterMap:
             n = len(register.addresses)
             starts += [(at, i % n, True) for i, at in enumerate(register.aliases)]
             for at, instance, alias in starts:
-                for byte in range(register.size):
-                    places[register.side, at + byte] = Place(register, instance, byte, alias)
+                for i in range(register.size // register.address_bytes):
+                    byte = i * register.address_bytes
+                    places[register.side, at + i] = Place(register, instance, byte, alias)
         return places
 
     def __getitem__(self, key: str) -> Register:

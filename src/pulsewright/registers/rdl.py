@@ -14,13 +14,16 @@ from systemrdl.source_ref import DetailedFileSourceRef
 
 from pulsewright.errors import UsageError
 from pulsewright.registers.model import (
+    Argument,
     Choice,
+    Code,
     Constant,
     Field,
     ProfileSwitch,
     Register,
     RegisterMap,
     Side,
+    Table,
 )
 
 PROPERTIES = Path(__file__).parent  # `include "properties.rdl"` is found here
@@ -86,14 +89,15 @@ def _map(top: AddrmapNode) -> RegisterMap:
     profiles = tuple(_udp(top, "profiles", []))
     switches = tuple(_switch(top, raw, len(profiles)) for raw in _udp(top, "switches", []))
     defaults = {switch.name: switch.values[0] for switch in switches}
+    address_bytes = _udp(top, "address_bytes", 1)
     registers: list[Register] = []
     for side in ("read", "write"):
-        found = list(_registers(board, side, sides[side], defaults))
+        found = list(_registers(board, side, sides[side], defaults, address_bytes))
         registers += sorted(found, key=lambda register: register.addresses)
     address_bits = _udp(top, "address_bits", 0)
     if not address_bits:
         raise _error(top, "address_bits is missing: bits of an address that select the register")
-    last = max(at + register.size for register in registers for at in register.addresses) - 1
+    last = max(at + r.size // address_bytes - 1 for r in registers for at in r.addresses)
     if last >= 1 << address_bits:
         raise _error(
             top, f"address {last:#x} does not fit in {address_bits} address bits", "address_bits"
@@ -110,7 +114,40 @@ def _map(top: AddrmapNode) -> RegisterMap:
             for raw in _udp(top, "constants", [])
         ),
         address_bits=address_bits,
+        tables=tuple(_table(top, raw) for raw in _udp(top, "tables", [])),
     )
+
+
+def _table(top: AddrmapNode, raw: Any) -> Table:
+    codes = tuple(
+        Code(
+            code.name,
+            code.value,
+            _join(code.desc),
+            _arguments(top, code, "request"),
+            _arguments(top, code, "reply"),
+        )
+        for code in raw.codes
+    )
+    values = [code.value for code in codes]
+    if values != sorted(set(values)) or len({code.name for code in codes}) < len(codes):
+        raise _error(
+            top, f"table {raw.prefix}: needs rising values and names of their own", "tables"
+        )
+    return Table(raw.prefix, raw.title, codes, raw.unit, _join(raw.desc))
+
+
+def _arguments(top: AddrmapNode, code: Any, which: str) -> tuple[Argument, ...]:
+    found: dict[str, Argument] = {}
+    for raw in getattr(code, which, []):
+        if raw.repeat and raw.repeat not in found:
+            raise _error(
+                top,
+                f"{code.name}: {raw.name} repeats by '{raw.repeat}', no argument before it",
+                "tables",
+            )
+        found[raw.name] = Argument(raw.name, raw.size, raw.repeat)
+    return tuple(found.values())
 
 
 def _switch(top: AddrmapNode, raw: Any, profiles: int) -> ProfileSwitch:
@@ -140,13 +177,15 @@ def _switch(top: AddrmapNode, raw: Any, profiles: int) -> ProfileSwitch:
 
 
 def _registers(
-    board: str, side: Side, addrmap: Node, defaults: dict[str, int]
+    board: str, side: Side, addrmap: Node, defaults: dict[str, int], address_bytes: int
 ) -> Iterator[Register]:
     for node in addrmap.children():
         if isinstance(node, RegNode):
             if node.is_alias:
                 continue  # listed with its primary
-            aliases = tuple(at for alias in node.aliases() for at in _addresses(alias))
+            aliases = tuple(
+                at for alias in node.aliases() for at in _addresses(alias, address_bytes)
+            )
             size = node.get_property("regwidth") // 8
             follows = _udp(node, "follows", "")
             if follows and follows not in defaults:
@@ -158,8 +197,13 @@ def _registers(
             aliases = ()
             size, fields = _assembled(node)
             follows = ""
+        elif isinstance(node, RegfileNode) and node.is_array and isinstance(addrmap, AddrmapNode):
+            yield from _registers(board, side, node, defaults, address_bytes)
+            continue
         else:
             raise _error(node, "is neither a register nor an assembled regfile")
+        if size % address_bytes:
+            raise _error(node, f"has {size} bytes; {address_bytes} are at one address")
         _check(node, side, fields, addrmap, defaults)
         takes_effect = _text(node, "takes_effect")
         if side == "write" and not takes_effect:
@@ -170,7 +214,7 @@ def _registers(
             board=board,
             name=node.inst_name.upper(),
             side=side,
-            addresses=_addresses(node),
+            addresses=_addresses(node, address_bytes),
             size=size,
             title=_text(node, "name") or node.inst_name,
             fields=fields,
@@ -183,6 +227,7 @@ def _registers(
             min_version=_udp(node, "min_version", 0),
             follows=follows,
             present_with=_present_with(node),
+            address_bytes=address_bytes,
         )
 
 
@@ -210,14 +255,25 @@ def _check(
                 raise _error(node, f"formula of {field.name}: '{name}' is no switch")
 
 
-def _addresses(node: AddressableNode) -> tuple[int, ...]:
+def _addresses(node: AddressableNode, address_bytes: int) -> tuple[int, ...]:
+    starts = _starts(node)
+    if isinstance(node.parent, RegfileNode):  # one instance in each element of the group
+        if node.is_array:
+            raise _error(node, "an array of registers has one dimension")
+        starts = [start + starts[0] for start in _starts(node.parent)]
+    if any(at % address_bytes for at in starts):
+        raise _error(node, f"begins within an address; {address_bytes} bytes are at each")
+    return tuple(at // address_bytes for at in starts)
+
+
+def _starts(node: AddressableNode) -> list[int]:
     start = node.raw_address_offset
     if not node.is_array:
-        return (start,)
+        return [start]
     dimensions, stride = node.array_dimensions, node.array_stride
     if dimensions is None or stride is None or len(dimensions) != 1:
         raise _error(node, "an array of registers has one dimension")
-    return tuple(start + i * stride for i in range(dimensions[0]))
+    return [start + i * stride for i in range(dimensions[0])]
 
 
 def _field(node: FieldNode, word: int | None) -> Field:

@@ -10,7 +10,14 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any, Final
 
-from pulsewright.registers.model import Field, Place, Register, RegisterMap
+from pulsewright.registers.model import (
+    Constant,
+    Field,
+    Place,
+    Register,
+    RegisterMap,
+    Table,
+)
 
 JSON_FORMAT: Final = "pulsewright-registers-1"
 SOURCE: Final = "Generated from `registers.rdl` of the board; do not edit."
@@ -23,9 +30,46 @@ def places(registers: RegisterMap) -> Iterator[tuple[int, Place | None, Place | 
 
 
 def addresses(register: Register) -> str:
-    """Write the addresses of a register as documents do: ``0C, also 03``; ``10, 13, 16, 19``."""
-    text = ", ".join(f"{at:02X}" for at in register.addresses)
-    return ", also ".join([text, *(f"{at:02X}" for at in register.aliases)])
+    """Write the addresses of a register as documents do: ``0C, also 03``; ``10, 13, 16, 19``.
+
+    Numbers of whole registers are written in decimal.
+    """
+    form = "02X" if register.address_bytes == 1 else "d"
+    text = ", ".join(f"{at:{form}}" for at in register.addresses)
+    return ", also ".join([text, *(f"{at:{form}}" for at in register.aliases)])
+
+
+def address(registers: RegisterMap, at: int) -> str:
+    """Write an address as the documents of a board do."""
+    return str(at) if registers.numbered else f"{at:02X}"
+
+
+def numbers(registers: RegisterMap) -> str:
+    """Say how a page writes numbers."""
+    if registers.numbered:
+        return "Register numbers are decimal, words are hexadecimal."
+    return "Addresses and words are hexadecimal."
+
+
+def constant_row(constant: Constant) -> tuple[str, str, str, str]:
+    """Return name, value, unit and meaning of a constant."""
+    unit = "" if constant.unit == "hex" else constant.unit
+    return f"`{constant.name}`", constant.text, unit, constant.desc
+
+
+def table_rows(table: Table) -> tuple[list[str], list[list[str]]]:
+    """Return a table of codes as its head and its rows; arguments only where some code has any."""
+    head = ["Name", "Bit" if table.unit == "bit" else "Value", "Meaning"]
+    messages = any(code.request or code.reply for code in table.codes)
+    head[2:2] = ["Arguments", "Reply"] if messages else []
+    rows = []
+    for code in table.codes:
+        row = [f"`{table.prefix}_{code.name}`", table.text(code.value), code.desc]
+        if messages:
+            parts = (code.request, code.reply)
+            row[2:2] = [", ".join(argument.text for argument in part) for part in parts]
+        rows.append(row)
+    return head, rows
 
 
 def word(register: Register, value: int | None) -> str:
@@ -117,11 +161,11 @@ def meaning(registers: RegisterMap, field: Field) -> list[str]:
 def markdown(registers: RegisterMap) -> str:
     """Return the register map as a Markdown page."""
     lines = [f"# {registers.title}: registers", "", f"<!-- {SOURCE} -->", "", registers.desc, ""]
-    lines += ["Addresses and words are hexadecimal.", "", "## Addresses", ""]
+    lines += [numbers(registers), "", "## Addresses", ""]
     lines += _table(
         ("Address", "Read", "Write"),
         [
-            (f"`{at:02X}`", _linked(read), _linked(written))
+            (f"`{address(registers, at)}`", _linked(read), _linked(written))
             for at, read, written in places(registers)
         ],
     )
@@ -130,6 +174,10 @@ def markdown(registers: RegisterMap) -> str:
         for register in registers.registers:
             if register.side == side:
                 lines += _markdown_register(registers, register)
+    for table in registers.tables:
+        lines += ["", f"## {table.title}", ""]
+        lines += [table.desc, ""] if table.desc else []
+        lines += _table(*table_rows(table))
     if registers.switches:
         lines += ["", "## Profiles", "", f"The default is `{registers.profiles[0]}`.", ""]
         lines += _table(
@@ -143,7 +191,7 @@ def markdown(registers: RegisterMap) -> str:
         lines += ["", "## Constants", ""]
         lines += _table(
             ("Name", "Value", "Unit", "Meaning"),
-            [(f"`{c.name}`", f"{c.value:_}", c.unit, c.desc) for c in registers.constants],
+            map(constant_row, registers.constants),
         )
     return "\n".join(lines) + "\n"
 
@@ -197,9 +245,12 @@ def c_header(registers: RegisterMap) -> str:
     def define(name: str, value: str) -> None:
         lines.append(f"#define {board}_{name} {value}")
 
+    def written(at: int) -> str:
+        return f"{at}u" if registers.numbered else f"0x{at:02X}u"
+
     for constant in registers.constants:
-        lines += ["", *_comment(f"{constant.desc} [{constant.unit}]")]
-        define(constant.name, f"{constant.value}u")
+        lines += ["", *_comment(constant.comment)]
+        define(constant.name, f"{constant.text.replace('_', '')}u")
     for register in registers.registers:
         text = f"{register.label()} ({register.side}). {register.desc}"
         if register.takes_effect:
@@ -208,16 +259,16 @@ def c_header(registers: RegisterMap) -> str:
         first, digits = register.addresses[0], 2 * register.size
         if len(register.addresses) > 1:
             stride = register.addresses[1] - first
-            define(f"{register.key}(n)", f"(0x{first:02X}u + {stride}u * (n))")
+            define(f"{register.key}(n)", f"({written(first)} + {stride}u * (n))")
             define(f"{register.key}_INSTANCES", f"{len(register.addresses)}u")
         else:
-            define(register.key, f"0x{first:02X}u")
+            define(register.key, written(first))
         for i, alias in enumerate(register.alias_groups):
             name = f"{register.key}_ALIAS{i or ''}"
             if len(alias) > 1:
-                define(f"{name}(n)", f"(0x{alias[0]:02X}u + {alias[1] - alias[0]}u * (n))")
+                define(f"{name}(n)", f"({written(alias[0])} + {alias[1] - alias[0]}u * (n))")
             else:
-                define(name, f"0x{alias[0]:02X}u")
+                define(name, written(alias[0]))
         if register.size > 1:
             define(f"{register.key}_SIZE", f"{register.size}u")
         if register.reset is not None:
@@ -228,6 +279,10 @@ def c_header(registers: RegisterMap) -> str:
             define(f"{name}_MASK", f"0x{field.mask:0{digits}X}u")
             for choice in field.choices:
                 define(f"{name}_{choice.name.upper()}", f"{choice.value}u")
+    for table in registers.tables:
+        lines += ["", *_comment(" ".join([f"{table.title}.", table.desc]).strip())]
+        for code in table.codes:
+            define(f"{table.prefix}_{code.name}", f"{table.text(code.value)}u")
     for switch in registers.switches:
         lines += ["", *_comment(f"Profile switch {switch.name}: {switch.meaning}")]
         for profile, value in zip(registers.profiles, switch.values, strict=True):
@@ -251,6 +306,8 @@ def json(registers: RegisterMap) -> str:
     for register in registers.registers:
         entry = {"key": register.key} | dataclasses.asdict(register) | {"reset": register.reset}
         del entry["board"]
+        if register.address_bytes == 1:
+            del entry["address_bytes"]
         entry["fields"] = [
             dataclasses.asdict(field)
             | {"mask": field.mask, "minimum": field.minimum, "maximum": field.maximum}
@@ -258,6 +315,8 @@ def json(registers: RegisterMap) -> str:
         ]
         described.append(entry)
     page = {"format": JSON_FORMAT} | dataclasses.asdict(registers) | {"registers": described}
+    if not registers.tables:
+        del page["tables"]
     return json_module.dumps(page, indent=1) + "\n"
 
 
@@ -291,15 +350,20 @@ def html(registers: RegisterMap) -> str:
     title = f"{markup.escape(registers.title)}: registers"
     body = [f"<h1>{title}</h1>"]
     body += [f"<p>{_inline(text)}</p>" for text in registers.desc.split("\n\n")]
-    body += ["<p>Addresses and words are hexadecimal.</p>", "<h2>Addresses</h2>"]
+    body += [f"<p>{numbers(registers)}</p>", "<h2>Addresses</h2>"]
     rows = [
-        [f"<code>{at:02X}</code>", _anchor(read), _anchor(written)]
+        [f"<code>{address(registers, at)}</code>", _anchor(read), _anchor(written)]
         for at, read, written in places(registers)
     ]
     body.append(_html_table(["Address", "Read", "Write"], rows))
     for side in ("read", "write"):
         body.append(f"<h2>{side.capitalize()} side</h2>")
         body += [_html_register(registers, r) for r in registers.registers if r.side == side]
+    for table in registers.tables:
+        body.append(f"<h2>{_inline(table.title)}</h2>")
+        body += [f"<p>{_inline(table.desc)}</p>"] if table.desc else []
+        titles, codes = table_rows(table)
+        body.append(_html_table(titles, [list(map(_inline, row)) for row in codes]))
     if registers.switches:
         body.append("<h2>Profiles</h2>")
         body.append(f"<p>The default is <code>{registers.profiles[0]}</code>.</p>")
@@ -311,10 +375,7 @@ def html(registers: RegisterMap) -> str:
         body.append(_html_table(["Switch", *registers.profiles, "Allowed", "Meaning"], rows))
     if registers.constants:
         body.append("<h2>Constants</h2>")
-        rows = [
-            [f"<code>{c.name}</code>", f"{c.value:_}", _inline(c.unit), _inline(c.desc)]
-            for c in registers.constants
-        ]
+        rows = [list(map(_inline, constant_row(constant))) for constant in registers.constants]
         body.append(_html_table(["Name", "Value", "Unit", "Meaning"], rows))
     head = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'

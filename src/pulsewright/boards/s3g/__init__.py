@@ -1,0 +1,1 @@
+"""S3G: motion controller behind two serial ports."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pulsewright.compiled import compiled
 
 Ints = NDArray[np.int64]
 
@@ -21,7 +22,7 @@ STATE_SIZE: Final = 5
 WIDTH, SPACE, SETUP, HOLD, HOLD_TRAILING = 0, 1, 2, 3, 4
 
 
-@njit(cache=True)
+@compiled()
 def _note(kind: int, value: int, cycle: int, need: Ints, low: Ints, at: Ints, below: Ints) -> None:
     if value < low[kind]:
         low[kind] = value
@@ -29,7 +30,7 @@ def _note(kind: int, value: int, cycle: int, need: Ints, low: Ints, at: Ints, be
     below[kind] += value < need[kind]
 
 
-@njit(cache=True)
+@compiled()
 def measure_timing(
     step: Ints,
     active: int,

@@ -5,20 +5,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pulsewright.compiled import compiled
 
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def path_coordinate(law: Floats, k: int, tau: float) -> float:
     """Return s on piece ``k``, ``tau`` seconds after its start."""
     s: float = ((law[k, 3] * tau + law[k, 2]) * tau + law[k, 1]) * tau + law[k, 0]
     return s
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def coordinate(
     poly: Floats, cosine: Floats, sine: Floats, omega: Floats, e: int, axis: int, s: float
 ) -> float:
@@ -32,7 +33,7 @@ def coordinate(
     return x
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def piece_at(start: Floats, t: float, k: int) -> int:
     """Return the piece that holds time ``t``, searching forward from piece ``k``.
 
@@ -44,7 +45,7 @@ def piece_at(start: Floats, t: float, k: int) -> int:
     return k
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def position_at(
     geometry: tuple[Floats, Floats, Floats, Floats],
     law: tuple[NDArray[np.int32], Floats, Floats],

@@ -12,8 +12,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pulsewright.compiled import compiled
 
 NOTHING = 1e-8  # motion shorter than this is none [mm, degrees]
 TANGENT = 1e-9  # tangents that differ less are equal; the jump in velocity is rounding
@@ -74,19 +75,19 @@ class Elements(NamedTuple):
     rest: Flags  # (m,) whether the machine comes to rest at the end
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _length(v: Floats, first: int) -> float:
     """Return the length of the linear (first = 0) or rotary (first = 3) part of a vector."""
     return math.sqrt(v[first] ** 2 + v[first + 1] ** 2 + v[first + 2] ** 2)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _norm(v: Floats) -> float:
     """Return the larger of the linear and the rotary length."""
     return max(_length(v, 0), _length(v, 3))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def kept_moves(
     start: Floats,
     kind: NDArray[np.int8],
@@ -122,7 +123,7 @@ def kept_moves(
     return kept[:n], left[:n]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def traced(
     start: Floats,
     kind: NDArray[np.int8],
@@ -185,7 +186,7 @@ def traced(
     return Segments(poly, cosine, sine, omega, length, move, speed, pause, tolerance, top, ramp)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _peak_cosine(phase: float, angle: float) -> float:
     """Return the largest ``|cos(theta - phase)|`` for theta in 0..angle."""
     first = math.ceil(-phase / math.pi) * math.pi + phase  # first extreme at theta >= 0
@@ -194,7 +195,7 @@ def _peak_cosine(phase: float, angle: float) -> float:
     return max(abs(math.cos(phase)), abs(math.cos(angle - phase)))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _limits(
     straight: Floats,
     cosine: Floats,
@@ -241,7 +242,7 @@ def _limits(
     return top, ramp
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _size_needed(e1: Floats, e2: Floats, top: float, limits: Limits) -> float:
     """Return the size of a blend that takes all acceleration at the square of speed ``top``."""
     size = 0.0
@@ -253,7 +254,7 @@ def _size_needed(e1: Floats, e2: Floats, top: float, limits: Limits) -> float:
     return size
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def merged(s: Segments, limits: Limits) -> tuple[Ints, Floats]:
     """Choose runs of short lines that would slow the machine down, to replace by their chords.
 
@@ -309,7 +310,7 @@ def merged(s: Segments, limits: Limits) -> tuple[Ints, Floats]:
     return last[:k], left[:k]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _chord_distance(poly: Floats, length: Floats, first: int, last: int) -> float:
     """Return how far corners lie from the chord of a run; -1 where the run turns back on it."""
     end = length[last]
@@ -328,7 +329,7 @@ def _chord_distance(poly: Floats, length: Floats, first: int, last: int) -> floa
     return math.sqrt(worst) / size
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _tangent(s: Segments, k: int, at: float, out: Floats) -> None:
     """Put the derivative of segment ``k`` at ``at`` into ``out``."""
     w = s.omega[k]
@@ -337,7 +338,7 @@ def _tangent(s: Segments, k: int, at: float, out: Floats) -> None:
         out[axis] = s.poly[k, 1, axis] + w * (s.sine[k, axis] * c - s.cosine[k, axis] * d)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _chord(s: Segments, k: int, at: float, ds: float, out: Floats) -> None:
     """Put ``x(at + ds) - x(at)`` on segment ``k`` into ``out``, without cancellation."""
     w = s.omega[k]
@@ -347,7 +348,7 @@ def _chord(s: Segments, k: int, at: float, ds: float, out: Floats) -> None:
         out[axis] = s.poly[k, 1, axis] * ds + s.cosine[k, axis] * c + s.sine[k, axis] * d
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _blend(s: Segments, k: int, d: float, out: Floats, work: Floats) -> None:
     """Put the blend from ``d`` before to ``d`` after the end of segment ``k`` into ``out``.
 
@@ -373,7 +374,7 @@ def _blend(s: Segments, k: int, d: float, out: Floats, work: Floats) -> None:
             out[3, axis] = (e1[axis] + e2[axis] - 2.0 * mean) / (h * h)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _deviation(s: Segments, k: int, d: float, curve: Floats, work: Floats) -> float:
     """Bound the distance between a blend and the corner it replaces.
 
@@ -396,7 +397,7 @@ def _deviation(s: Segments, k: int, d: float, curve: Floats, work: Floats) -> fl
     return worst
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def blends(s: Segments, limits: Limits) -> tuple[Floats, Flags]:
     """Choose the blends.
 
@@ -458,7 +459,7 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Flags]:
     return size, rest
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def elements(s: Segments, size: Floats, rest: Flags) -> Elements:
     """Trim the segments by the ``size`` of the blends and put the blends between them."""
     n = s.length.size

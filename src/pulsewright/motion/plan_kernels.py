@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pulsewright.compiled import compiled
 from pulsewright.motion.path import Elements, Floats, Limits
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _hull(
     poly: Floats, rows: Floats, e: int, r: int, h: float
 ) -> tuple[float, float, float, float]:
@@ -30,7 +30,7 @@ def _hull(
     return first, first + (2.0 * second + 3.0 * third * h) * h, 2.0 * second, 6.0 * third
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _couple(
     poly: Floats, e: int, h: float, limits: Limits, x: Floats, y: Floats, limit: Floats
 ) -> int:
@@ -56,7 +56,7 @@ def _couple(
     return n
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _interval(
     x: Floats, y: Floats, limit: Floats, n: int, fixed: float, cap: float
 ) -> tuple[float, float, float]:
@@ -77,7 +77,7 @@ def _interval(
     return low, high, slope
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def highest_entry(
     x: Floats, y: Floats, limit: Floats, n: int, cap: float, exit_cap: float
 ) -> float:
@@ -114,7 +114,7 @@ def highest_entry(
     return min(max(u, 0.0), cap)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def speeds(path: Elements, limits: Limits) -> Floats:
     """Return ``b`` at the start of each element, and at the end, shape (m + 1,).
 
@@ -156,7 +156,7 @@ def speeds(path: Elements, limits: Limits) -> Floats:
     return b
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def law(path: Elements, b: Floats) -> tuple[NDArray[np.int32], Floats, Floats]:
     """Return the pieces of the trajectory: element, start and law of each.
 

@@ -9,25 +9,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
-from numba import njit
+from pulsewright.compiled import compiled
 
 F = TypeVar("F", bound=Callable[..., Any])
-OPTIONS: Final[dict[str, Any]] = {"cache": True, "error_model": "numpy", "_nrt": False}
+OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "_nrt": False}
 
 
 def kernel(function: F) -> F:
     """Compile a kernel. Division by zero is not checked."""
-    compiled: F = njit(**OPTIONS)(function)
-    return compiled
+    return compiled(**OPTIONS)(function)
 
 
 def inlined(function: F) -> F:
     """Compile a short kernel into each of its callers."""
-    compiled: F = njit(**OPTIONS, inline="always")(function)
-    return compiled
+    return compiled(**OPTIONS, inline="always")(function)
 
 
 def hot(function: F) -> F:
     """Compile a kernel of any size into its callers, sparing them to pass it a whole state."""
-    compiled: F = njit(**OPTIONS, forceinline=True)(function)
-    return compiled
+    return compiled(**OPTIONS, forceinline=True)(function)

@@ -6,9 +6,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pulsewright.compiled import compiled
 from pulsewright.motion.evaluate import coordinate, path_coordinate
 
 Ints = NDArray[np.int64]
@@ -24,7 +24,7 @@ REACH_MOVES: Final = 1000  # the nearest-point search looks no further than so m
 ENOUGH_NEIGHBOURS: Final = 1  # ... and at least this far, whatever their length
 
 
-@njit(cache=True)
+@compiled()
 def follow(
     step: Ints,
     active: int,
@@ -180,7 +180,7 @@ def follow(
     return points
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def _cubic(
     poly: Floats, omega: Floats, law: Floats, e: int, k: int, motor: int
 ) -> tuple[float, float, float, float, bool]:
@@ -196,7 +196,7 @@ def _cubic(
     )
 
 
-@njit(cache=True)
+@compiled()
 def arc_distance2(
     p0: float, p1: float, p2: float, c0: float, c1: float, n0: float, arc: Floats
 ) -> float:
@@ -251,7 +251,7 @@ def arc_distance2(
     return best
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def _at_arc(u: float, x: float, y: float, z: float, arc: Floats) -> float:
     """Return the squared distance of a point from the arc's point at u, 0..1."""
     r = arc[2] + (arc[3] - arc[2]) * u
@@ -260,7 +260,7 @@ def _at_arc(u: float, x: float, y: float, z: float, arc: Floats) -> float:
     return float(dx * dx + dy * dy + dz * dz)
 
 
-@njit(cache=True)
+@compiled()
 def segment_distance2(p: Floats, a: Floats, b: Floats, first: int) -> float:
     """Return the squared distance of p from the segment a..b in coordinates first .. first + 2."""
     along, length = 0.0, 0.0
@@ -274,7 +274,7 @@ def segment_distance2(p: Floats, a: Floats, b: Floats, first: int) -> float:
     return total
 
 
-@njit(cache=True)
+@compiled()
 def move_distance2(
     p: Floats,
     i: int,
@@ -297,7 +297,7 @@ def move_distance2(
     return segment_distance2(p, begin[i], finish[i], first)
 
 
-@njit(cache=True)
+@compiled()
 def compare_path(
     position: Floats,
     before: Floats,
@@ -385,7 +385,7 @@ def compare_path(
         before[:] = p
 
 
-@njit(cache=True)
+@compiled()
 def row_differences(
     x: Floats, row: Floats, delay: int, velocity_window: int, acceleration_window: int, out: Floats
 ) -> None:
@@ -420,7 +420,7 @@ def row_differences(
             out[2], out[3] = second, k
 
 
-@njit(cache=True)
+@compiled()
 def first_differences(x: Floats, column: int, delay: int, window: int) -> Floats:
     """Return the length of three columns' first difference over ``window``, (n,).
 
@@ -436,7 +436,7 @@ def first_differences(x: Floats, column: int, delay: int, window: int) -> Floats
     return result
 
 
-@njit(cache=True)
+@compiled()
 def second_differences(x: Floats, column: int, delay: int, window: int) -> Floats:
     """Return the length of three columns' second difference over two ``window``, (n,).
 

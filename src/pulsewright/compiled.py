@@ -1,0 +1,63 @@
+"""Kernels compiled by numba and kept on disk, for as long as nothing that they use has changed.
+
+Numba itself looks at the file of a kernel only. A kernel also contains what its file imports:
+other kernels, and constants as they were. So the stamp of a kept kernel is made of all files of
+this package that its own one reaches by imports.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from numba import config, njit
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_ROOT: Final = Path(__file__).parents[1]
+# "from a.b import c, d" also in parentheses; the names may be modules
+_IMPORT: Final = re.compile(r"^ *from (pulsewright[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+
+
+def compiled(**options: Any) -> Callable[[F], F]:
+    """Return ``numba.njit(cache=True, **options)``, made to keep no outdated kernel."""
+
+    def decorate(function: F) -> F:
+        dispatcher = njit(cache=True, **options)(function)
+        if not config.DISABLE_JIT:
+            # numba, whose version is pinned, has no public way to say on what a kernel depends
+            kept: Any = dispatcher._cache._cache_file
+            kept._source_stamp = stamp(function.__code__.co_filename)
+        result: F = dispatcher
+        return result
+
+    return decorate
+
+
+@cache
+def stamp(path: str) -> tuple[tuple[str, int, int], ...]:
+    """Return name, time of change and size of a source file and of all here that it imports."""
+    found: set[Path] = set()
+    pending = [Path(path)]
+    while pending:
+        file = pending.pop()
+        if file not in found:
+            found.add(file)
+            pending += _imported(file)
+    stats = ((file.name, file.stat()) for file in sorted(found))
+    return tuple((name, stat.st_mtime_ns, stat.st_size) for name, stat in stats)
+
+
+@cache
+def _imported(file: Path) -> tuple[Path, ...]:
+    """Return the files of this package that a file imports from."""
+    files = []
+    for module, names in _IMPORT.findall(file.read_text(encoding="utf-8")):
+        folder = _ROOT.joinpath(*module.split("."))
+        candidates = [folder.with_suffix(".py"), folder / "__init__.py"]
+        candidates += [folder / f"{name}.py" for name in re.findall(r"\w+", names)]
+        files += [candidate for candidate in candidates if candidate.is_file()]
+    return tuple(files)

@@ -329,14 +329,14 @@ class Code:
         The number.
     desc : str
         Meaning, in words.
-    request, reply : tuple of Argument
-        What goes with it in a message, and with the answer to that, in order.
+    arguments, reply : tuple of Argument
+        What goes with it in a message, and what with the answer to that, in order.
     """
 
     name: str
     value: int
     desc: str
-    request: tuple[Argument, ...] = ()
+    arguments: tuple[Argument, ...] = ()
     reply: tuple[Argument, ...] = ()
 
 

@@ -124,7 +124,7 @@ def _table(top: AddrmapNode, raw: Any) -> Table:
             code.name,
             code.value,
             _join(code.desc),
-            _arguments(top, code, "request"),
+            _arguments(top, code, "arguments"),
             _arguments(top, code, "reply"),
         )
         for code in raw.codes

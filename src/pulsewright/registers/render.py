@@ -60,15 +60,17 @@ def constant_row(constant: Constant) -> tuple[str, str, str, str]:
 def table_rows(table: Table) -> tuple[list[str], list[list[str]]]:
     """Return a table of codes as its head and its rows; arguments only where some code has any."""
     head = ["Name", "Bit" if table.unit == "bit" else "Value", "Meaning"]
-    messages = any(code.request or code.reply for code in table.codes)
-    head[2:2] = ["Arguments", "Reply"] if messages else []
-    rows = []
-    for code in table.codes:
-        row = [f"`{table.prefix}_{code.name}`", table.text(code.value), code.desc]
-        if messages:
-            parts = (code.request, code.reply)
-            row[2:2] = [", ".join(argument.text for argument in part) for part in parts]
-        rows.append(row)
+    rows = [
+        [f"`{table.prefix}_{code.name}`", table.text(code.value), code.desc] for code in table.codes
+    ]
+    for title, parts in (
+        ("Reply", [code.reply for code in table.codes]),
+        ("Arguments", [code.arguments for code in table.codes]),
+    ):
+        if any(parts):
+            head.insert(2, title)
+            for row, part in zip(rows, parts, strict=True):
+                row.insert(2, ", ".join(argument.text for argument in part))
     return head, rows
 
 

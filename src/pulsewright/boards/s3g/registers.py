@@ -1166,26 +1166,26 @@ MAP: Final = RegisterMap(
                     name="OUTPUT",
                     value=60,
                     desc="Write an output register (its number modulo 64).",
-                    request=(Argument(name="register", size=1), Argument(name="value", size=4)),
+                    arguments=(Argument(name="register", size=1), Argument(name="value", size=4)),
                 ),
                 Code(
                     name="INPUT",
                     value=61,
                     desc="Read an input register (its number modulo 64).",
-                    request=(Argument(name="register", size=1),),
+                    arguments=(Argument(name="register", size=1),),
                     reply=(Argument(name="value", size=4),),
                 ),
                 Code(
                     name="STB",
                     value=62,
                     desc="Give strobes.",
-                    request=(Argument(name="mask", size=4),),
+                    arguments=(Argument(name="mask", size=4),),
                 ),
                 Code(
                     name="CLEAR",
                     value=63,
                     desc="Clear pending interrupts; the next report need not wait.",
-                    request=(Argument(name="mask", size=4),),
+                    arguments=(Argument(name="mask", size=4),),
                 ),
                 Code(
                     name="MASK",
@@ -1194,7 +1194,7 @@ MAP: Final = RegisterMap(
                         "Say which interrupts may be reported (1 = may); the next report need not "
                         "wait."
                     ),
-                    request=(Argument(name="mask", size=4),),
+                    arguments=(Argument(name="mask", size=4),),
                 ),
                 Code(
                     name="WRITE_BUFFER",
@@ -1204,7 +1204,7 @@ MAP: Final = RegisterMap(
                         "sent (with count 0: that of the request before), the error code of the "
                         "executor (table BE), and its PC."
                     ),
-                    request=(
+                    arguments=(
                         Argument(name="count", size=1),
                         Argument(name="address", size=2),
                         Argument(name="words", size=5, repeat="count"),
@@ -1233,7 +1233,7 @@ MAP: Final = RegisterMap(
                         "Report, with all pending interrupts, masked ones included. 80 in the "
                         "document is decimal."
                     ),
-                    reply=(Argument(name="pending", size=4),),
+                    arguments=(Argument(name="pending", size=4),),
                 ),
                 Code(
                     name="ERROR",
@@ -1251,7 +1251,7 @@ MAP: Final = RegisterMap(
                         "The next packet came while program memory was written; the words before "
                         "that are written. The tag is 0. Cannot happen with switch `hold_buffer`."
                     ),
-                    reply=(
+                    arguments=(
                         Argument(name="address", size=2),
                         Argument(name="error", size=1),
                         Argument(name="pc", size=2),

@@ -16,9 +16,17 @@ SHORT = [
 LONG = ["cds.ngc", "tort.ngc", "wave.gcode", "tiger.nc"]
 
 
-@pytest.mark.parametrize(
-    "name", SHORT + [pytest.param(name, marks=pytest.mark.campaign) for name in LONG]
-)
+def cases(short, long):
+    return short + [pytest.param(name, marks=pytest.mark.campaign) for name in long]
+
+
+@pytest.mark.parametrize("name", cases(SHORT, LONG))
 def test_real_programs_pass_on_the_default_machine(name, corpus):
     result = Job.from_gcode(corpus / name).run()
+    assert result.passed, result.text()
+
+
+@pytest.mark.parametrize("name", cases(SHORT[:2], SHORT[2:] + LONG))
+def test_real_programs_pass_on_pluto_step(name, corpus):
+    result = Job.from_gcode(corpus / name).run(board="pluto_step")
     assert result.passed, result.text()

@@ -121,4 +121,4 @@ def test_comparison_finds(fault):
             return True
         return False
 
-    assert any(differs(seed) for seed in range(1, 13))
+    assert any(differs(seed) for seed in range(1, 61))

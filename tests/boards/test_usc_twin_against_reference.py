@@ -444,21 +444,21 @@ def test_portions_do_not_matter(scenario, cuts):
 
 
 @pytest.mark.campaign
-@settings(max_examples=20_000, **SETTINGS)
+@settings(max_examples=400, **SETTINGS)
 @given(st.integers(0, 2**32).map(storm))
 def test_storms_match_the_reference_campaign(scenario):
     assert_same(*carry_out(*scenario))
 
 
 @pytest.mark.campaign
-@settings(max_examples=20_000, **SETTINGS)
+@settings(max_examples=400, **SETTINGS)
 @given(pin_scenarios())
 def test_pins_match_the_reference_campaign(scenario):
     assert_same(*carry_out_at_pins(*scenario))
 
 
 @pytest.mark.campaign
-@settings(max_examples=20_000, **SETTINGS)
+@settings(max_examples=400, **SETTINGS)
 @given(scenarios())
 def test_transactions_match_the_reference_campaign(scenario):
     assert_same(*carry_out(*scenario))

@@ -17,8 +17,8 @@ class UsageError(PulsewrightError, ValueError):
     """A request that cannot be carried out as asked: unknown board, unusable option or file."""
 
 
-class GcodeError(UsageError):
-    """A program that cannot be run.
+class SourceError(UsageError):
+    """A program text that cannot be used: of a machine or of a board.
 
     Parameters
     ----------
@@ -38,6 +38,10 @@ class GcodeError(UsageError):
         self.path, self.line, self.column, self.text = str(path), line, column, text
         place = ":".join([self.path or "program"] + [str(n) for n in (line, column) if n])
         super().__init__(f"{place}: {message}" + (f" (at '{text}')" if text else ""))
+
+
+class GcodeError(SourceError):
+    """A G-code program that cannot be run."""
 
 
 class MachineError(UsageError):

@@ -99,6 +99,26 @@ def regs(
 
 
 @app.command()
+def program(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Program text for the executor of an s3g board.")
+    ],
+    channels: Annotated[int | None, typer.Option(help="Channels of the board; default 2.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Assemble and check a program that an s3g board runs by itself; exit 0 only without errors."""
+    from pulsewright.app import program as program_module
+
+    result = program_module.run(file, channels=channels)
+    if as_json:
+        _print_json(result.summary())
+    else:
+        print(result.text())
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+@app.command()
 def check(
     board: Annotated[str, typer.Argument(metavar="BOARD", help="For example pluto_step.")],
     golden: Annotated[

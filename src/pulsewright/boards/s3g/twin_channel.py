@@ -1,0 +1,299 @@
+"""One channel of the twin: profile generator (APG) and pulse former (MSG), from step to step.
+
+Between two acceleration steps a position grows by the same amount in every cycle. A step is made
+where bit 16 of it changes, so only the amount modulo 2^17 counts, and the cycles of the steps have
+a closed form. Cycles before ``tick`` are done; clock edge n ends cycle n, so that what a cycle
+decides shows at the edge of its number.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from pulsewright.boards.s3g.registers import (
+    SET_A,
+    SET_J,
+    SET_JJ,
+    SET_TARGET_V,
+    SET_V,
+    SET_X,
+    STEP_UNITS,
+    W_A_VAL,
+    W_J_VAL,
+    W_JJ_VAL,
+    W_TARGET_V_VAL,
+    W_V_VAL,
+    W_X_VAL_HI,
+    W_X_VAL_LO,
+)
+from pulsewright.twin.kernel import hot, inlined, kernel
+from pulsewright.twin.recorder import NEARLY_FULL, RESERVE, Rows, toggle
+
+FRACTION: Final = STEP_UNITS.bit_length() - 1  # the bit of the position that makes steps
+CYCLE: Final = 2 * STEP_UNITS  # positions this far apart are the same to the pins
+WORD: Final = 1 << 32
+SIGN: Final = 1 << 31
+
+# Profile: ``x`` .. ``target_set``, ``sv`` the velocity before the last acceleration step;
+# ``stepping``, the step register, and ``up``, the direction beside it. Pulse former: ``start``, the
+# cycle in which it took its last step, ``free``, the first one in which it takes the next; the step
+# pin is high from edge ``rise`` to edge ``fall``; ``step`` and ``direction`` are the pins before
+# edge ``tick``. ``position``, ``pulses`` and ``lost`` count steps taken with their sign, without it,
+# and steps that came too early.
+CHANNEL: Final = np.dtype(
+    [
+        (name, np.int64)
+        for name in (
+            *("tick", "x", "v", "a", "j", "jj", "sv", "target_v", "target_set"),
+            *("stepping", "up", "start", "free", "rise", "fall", "step", "direction"),
+            *("position", "pulses", "lost"),
+        )
+    ]
+)
+
+
+class Times(NamedTuple):
+    """Thresholds of the pulse formers [cycle]."""
+
+    pre: int
+    pulse: int
+    post: int
+
+
+@inlined
+def signed(value: int) -> int:
+    """Return the low 32 bits of a value as a signed number."""
+    number: int = ((value + SIGN) & (WORD - 1)) - SIGN
+    return number
+
+
+@inlined
+def busy_cycles(times: Times) -> int:
+    """Return how far behind a step the pulse former counts."""
+    longest: int = max(1, times.pre, times.pulse, times.post)
+    return longest
+
+
+# ------------------------------------------------------------------------------------------- pulses
+
+
+@inlined
+def show_pulse(channel: Any, begin: int, end: int, rows: Rows, row: int) -> None:
+    """Record the step pin at edges from ``begin`` up to, not including, ``end``."""
+    rise, fall = channel.rise, channel.fall
+    if begin >= end:
+        return
+    level = 1 if rise <= begin < fall else 0
+    if level != channel.step:
+        toggle(rows, row, begin)
+    if rise < fall:
+        if begin < rise < end:
+            toggle(rows, row, rise)
+        if begin < fall < end:
+            toggle(rows, row, fall)
+    channel.step = 1 if rise < end <= fall else 0
+
+
+@inlined
+def take_step(channel: Any, cycle: int, direction: int, times: Times, rows: Rows, row: int) -> None:
+    """Start the pulse of a step that comes in ``cycle``; direction pins have ``row``."""
+    if direction != channel.direction:
+        channel.direction = direction
+        toggle(rows, row, cycle)
+    channel.start, channel.free = cycle, cycle + busy_cycles(times) + 1
+    channel.rise, channel.fall = cycle + max(times.pre, 1), cycle + times.pulse
+    channel.pulses += 1
+    channel.position += 1 if direction else -1
+
+
+@kernel
+def retime(channel: Any, cycle: int, times: Times) -> None:
+    """Let other thresholds count from ``cycle`` on; the channel must stand there."""
+    if channel.free > cycle:
+        channel.free = max(cycle, channel.start + busy_cycles(times)) + 1
+        channel.rise = max(cycle, channel.start + max(times.pre, 1))
+        channel.fall = channel.start + times.pulse
+
+
+@hot
+def advance(
+    channel: Any,
+    end: int,
+    moving: bool,
+    carry: int,
+    times: Times,
+    rows: Rows,
+    pins: tuple[int, int],
+) -> bool:
+    """Run one channel up to, not including, cycle ``end``; record its pins.
+
+    Parameters
+    ----------
+    channel : record of `CHANNEL`
+    end : int
+        First cycle not run.
+    moving : bool
+        False: position and step register stand still, as where a position is loaded.
+    carry : int
+        Added to a position in every cycle of negative velocity; a multiple of 2^32.
+    times : Times
+    rows : Rows
+        Edge buffers.
+    pins : (int, int)
+        Rows of the step and the direction pin.
+
+    Returns
+    -------
+    bool
+        False if a buffer is full up to its reserve: the channel then stands at an earlier cycle,
+        and the call can be repeated once there is room.
+    """
+    step_row, direction_row = pins
+    while channel.tick < end:
+        tick = channel.tick
+        doubled = channel.v + channel.sv
+        each = doubled >> 1 if moving else 0
+        stride = ((each + STEP_UNITS) & (CYCLE - 1)) - STEP_UNITS
+        # distance covered since the last change of bit 16, and speed, both upwards
+        part = channel.x & (STEP_UNITS - 1)
+        if stride < 0:
+            stride = -stride
+            part = STEP_UNITS - 1 - part
+        cycles = end - tick
+        steps = (part + cycles * stride) >> FRACTION
+        if steps == 0 and channel.stepping == 0 and channel.fall <= tick and channel.step == 0:
+            channel.x += cycles * (each + (carry if doubled < 0 and moving else 0))
+            channel.tick = end
+            return True
+
+        room = (rows.pins[step_row].room - rows.pins[step_row].used - RESERVE) // 2 - 2
+        hold = busy_cycles(times)
+        if steps >= room:
+            if room < 1:
+                rows.full[0] = 1
+                return False
+            # so many cycles that the pulses find room, be they limited by steps or by pulse lengths
+            until = (room * STEP_UNITS - part + stride - 1) // stride
+            cycles = min(cycles, max(until, room * hold))
+            steps = (part + cycles * stride) >> FRACTION
+        # the pulse former does not see a step of the last cycle yet
+        seen = (part + (cycles - 1) * stride) >> FRACTION
+
+        shown = tick  # first edge of the step pin that is not recorded
+        if channel.stepping:
+            if channel.free <= tick:
+                show_pulse(channel, shown, tick + 1, rows, step_row)
+                shown = tick + 1
+                take_step(channel, tick, channel.up, times, rows, direction_row)
+            else:
+                channel.lost += 1
+        if seen:
+            up = 1 if doubled > 0 else 0
+            rise, width = max(times.pre, 1), times.pulse - max(times.pre, 1)
+            whole, rest = STEP_UNITS // stride, STEP_UNITS % stride
+            edges = rows.pins[step_row]
+            at = edges.first + edges.used
+            taken, number, after, over = 0, 1, 0, 0
+            while number <= seen:
+                if after == 0:  # cycles after ``tick`` at which the former sees step ``number``
+                    distance = number * STEP_UNITS - part
+                    after = (distance + stride - 1) // stride
+                    over = after * stride - distance
+                cycle = tick + after
+                if cycle < channel.free:
+                    blocked = (part + (channel.free - tick - 1) * stride) >> FRACTION
+                    blocked = min(blocked, seen)
+                    channel.lost += blocked - number + 1
+                    number = blocked + 1
+                    after = 0
+                    continue
+                if taken == 0:
+                    show_pulse(channel, shown, cycle + 1, rows, step_row)
+                    shown = cycle + 1
+                    at = edges.first + edges.used
+                if channel.direction != up:
+                    channel.direction = up
+                    toggle(rows, direction_row, cycle)
+                taken += 1
+                channel.start, channel.free = cycle, cycle + hold + 1
+                channel.rise, channel.fall = cycle + rise, cycle + rise + width
+                if width > 0 and channel.fall < tick + cycles:
+                    rows.cycles[at] = channel.rise
+                    rows.cycles[at + 1] = channel.fall
+                    at += 2
+                    shown = channel.fall + 1
+                else:
+                    shown = cycle + 1
+                number += 1
+                if rest > over:
+                    after += whole + 1
+                    over += stride - rest
+                else:
+                    after += whole
+                    over -= rest
+            edges.used = at - edges.first
+            if edges.room - edges.used < NEARLY_FULL:
+                rows.full[0] = 1
+            channel.pulses += taken
+            channel.position += taken if up else -taken
+        show_pulse(channel, shown, tick + cycles, rows, step_row)
+        channel.stepping = steps - seen
+        if steps:
+            channel.up = 1 if doubled > 0 else 0
+        channel.x += cycles * (each + (carry if doubled < 0 and moving else 0))
+        channel.tick = tick + cycles
+    return True
+
+
+# ------------------------------------------------------------------------------------------ profile
+
+
+@kernel
+def load(channel: Any, outputs: Any, c: int, control: int) -> None:
+    """Load what the control bits say from the registers of channel ``c``, at the end of a cycle."""
+    if control >> SET_X & 1:
+        channel.x = outputs[W_X_VAL_HI[c]] << 32 | outputs[W_X_VAL_LO[c]]
+    if control >> SET_V & 1:
+        channel.v = channel.sv = signed(outputs[W_V_VAL[c]])
+    if control >> SET_A & 1:
+        channel.a = signed(outputs[W_A_VAL[c]])
+    if control >> SET_J & 1:
+        channel.j = signed(outputs[W_J_VAL[c]])
+    if control >> SET_JJ & 1:
+        channel.jj = signed(outputs[W_JJ_VAL[c]])
+    channel.target_set = control >> SET_TARGET_V & 1
+    if channel.target_set:
+        channel.target_v = signed(outputs[W_TARGET_V_VAL[c]])
+
+
+@inlined
+def accelerate(channel: Any) -> None:
+    """Make an acceleration step, at the end of a cycle."""
+    v, target = channel.v, channel.target_v
+    following = signed(v + channel.a)
+    channel.sv = v
+    if channel.target_set and (v == target or v < target < following or v > target > following):
+        channel.v, channel.a = target, signed(target - v)
+        channel.j = channel.jj = 0
+    else:
+        channel.v = following
+        channel.a = signed(channel.a + channel.j)
+        channel.j = signed(channel.j + channel.jj)
+
+
+@inlined
+def brake(channel: Any, deceleration: int) -> None:
+    """Make an acceleration step of an abort, at the end of a cycle."""
+    v, opposite = channel.v, signed(-deceleration)
+    channel.sv = v
+    channel.j = channel.jj = 0
+    if v == 0:
+        channel.a = 0
+    elif v > deceleration:
+        channel.v, channel.a = signed(v - deceleration), opposite
+    elif v >= opposite:
+        channel.v, channel.a = 0, signed(-v)
+    else:
+        channel.v, channel.a = signed(v + deceleration), deceleration

@@ -1,0 +1,296 @@
+"""Gateware of the board's motion: acceleration steps, profiles of channels, step pulses."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth.lib.wiring import Component, In, Out
+
+from pulsewright.boards.s3g import registers
+
+STEP_BIT: Final = registers.STEP_UNITS.bit_length() - 1
+LOAD_BITS: Final = 6  # registers.SET_X to SET_TARGET_V
+# Where a channel's value registers are, from the first of them on.
+X_LOW, X_HIGH, V, A, J, JJ, TARGET_V, ABORT_A = range(8)
+
+
+class AccelerationSteps(Component):
+    """When velocities change; the board's ASG.
+
+    Parameters
+    ----------
+    abort_dt_latched : bool
+        Steps of an abort are as long as those before it, not as ``dt_value`` says at the time.
+
+    Members
+    -------
+    load : In(1)
+        Load in this cycle what the following four say.
+    set_steps, set_dt : In(1)
+        Set a limit.
+    reset_steps, reset_dt : In(1)
+        Clear a counter.
+    steps_value, dt_value : In(32)
+        Limits to load.
+    step : Out(1)
+        Acceleration step in this cycle. Never together with ``load``.
+    aborting : Out(1)
+        That step is one of an abort.
+    done : Out(1)
+        It is the last one of its cycle.
+    abort : Out(1)
+        Interrupt: a step was due after the last one, and there has been no load since.
+    steps, dt : Out(32)
+        Counters.
+    """
+
+    def __init__(self, *, abort_dt_latched: bool = False) -> None:
+        self._latched = abort_dt_latched
+        ins = ("load", "set_steps", "set_dt", "reset_steps", "reset_dt")
+        outs = ("step", "aborting", "done", "abort")
+        super().__init__(
+            dict.fromkeys(ins, In(1))
+            | {"steps_value": In(32), "dt_value": In(32)}
+            | dict.fromkeys(outs, Out(1))
+            | {"steps": Out(32), "dt": Out(32)}
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        steps_limit, dt_limit = Signal(32), Signal(32)
+        next_steps, next_dt = Signal(32), Signal(32)
+        hit = Signal()
+        with m.FSM() as fsm:
+            with m.State("IDLE"), m.If(self.load):
+                m.next = "WORKING"
+            with m.State("WORKING"), m.If(~self.load):
+                with m.If(dt_limit == 0):
+                    m.next = "IDLE"
+                with m.Elif(hit):
+                    m.d.comb += self.step.eq(1)
+                    with m.If(next_steps >= steps_limit):
+                        m.d.comb += self.done.eq(1)
+                        m.next = "WAIT"
+            with m.State("WAIT"):
+                with m.If(self.load):
+                    m.next = "WORKING"
+                with m.Elif(hit):
+                    m.d.comb += [self.step.eq(1), self.abort.eq(1)]
+                    m.next = "ABORT"
+            with m.State("ABORT"):
+                with m.If(self.load):
+                    m.next = "WORKING"
+                with m.Else():
+                    m.d.comb += [self.step.eq(hit), self.abort.eq(1)]
+
+        in_abort = fsm.ongoing("ABORT")
+        limit = dt_limit if self._latched else Mux(in_abort, self.dt_value, dt_limit)
+        m.d.comb += [
+            self.aborting.eq(in_abort | fsm.ongoing("WAIT")),
+            next_steps.eq(self.steps + 1),
+            next_dt.eq(self.dt + 1),
+            hit.eq(next_dt >= limit),
+        ]
+        with m.If(self.load & self.set_steps):
+            m.d.sync += steps_limit.eq(self.steps_value)
+        with m.If(self.load & self.set_dt):
+            m.d.sync += dt_limit.eq(self.dt_value)
+        with m.If(self.load & self.reset_steps):
+            m.d.sync += self.steps.eq(0)
+        with m.Elif(self.step):
+            m.d.sync += self.steps.eq(next_steps)
+        m.d.sync += self.dt.eq(next_dt)
+        with m.If(self.step | self.load & self.reset_dt):
+            m.d.sync += self.dt.eq(0)
+        return m
+
+
+class ProfileGenerator(Component):
+    """Position of one channel and its four derivatives; the board's APG.
+
+    Of the position only the fraction of a step is there, as nothing shows more.
+
+    Members
+    -------
+    write : In(8)
+        Write ``data`` to a value register, in the order of their numbers; X comes a cycle later
+        than the others, with ``late_data``.
+    data : In(32), late_data : In(16)
+    load : In(1), select : In(6)
+        Load the values selected, as they are in this cycle (X: in the next one).
+    step, aborting, done : In(1)
+        From `AccelerationSteps`.
+    strobe : Out(1)
+        A step of the motor, two cycles after the velocity that makes it.
+    up : Out(1)
+        Its direction, 1 = positive.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "write": In(8),
+                "data": In(32),
+                "late_data": In(STEP_BIT),
+                "load": In(1),
+                "select": In(LOAD_BITS),
+                "step": In(1),
+                "aborting": In(1),
+                "done": In(1),
+                "strobe": Out(1),
+                "up": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        values = {n: Signal(32, name=f"value{n}") for n in (V, A, J, JJ, TARGET_V, ABORT_A)}
+        values[X_LOW] = Signal(STEP_BIT, name="value_x")
+        for n, value in values.items():
+            with m.If(self.write[n]):
+                m.d.sync += value.eq(self.late_data if n == X_LOW else self.data)
+
+        loads = Signal(LOAD_BITS)
+        m.d.comb += loads.eq(Mux(self.load, self.select, 0))
+        self._profile(m, loads, values)
+        return m
+
+    def _profile(self, m: Module, loads: Signal, values: dict[int, Signal]) -> None:
+        v, a, j, jj = (Signal(32, name=name) for name in ("v", "a", "j", "jj"))
+        # In an abort the target is 0: it is cleared by the step before, and can be, as a target
+        # lasts until the next load, before which no other step than those of an abort can come.
+        target, has_target = Signal(32), Signal()
+        limit = values[ABORT_A]
+
+        equal = Signal()
+        above = Signal()  # v >= target, or in an abort v > limit
+        m.d.comb += [
+            equal.eq(v == target),
+            above.eq(_at_least(v, Mux(self.aborting, limit, target), strictly=self.aborting)),
+        ]
+        slow_down = Signal()  # subtract the limit from v
+        m.d.comb += slow_down.eq(self.aborting & above)
+        change = Mux(self.aborting, limit ^ slow_down.replicate(32), a)
+        moved = _sum(v, change, slow_down)  # v of the next step, unless it is at or past target
+        # Strictly past: compared downwards for "target > moved", upwards for "target >= moved".
+        past = _at_least(target, moved[:32], strictly=above) ^ ~above
+        reached = Signal()
+        m.d.comb += reached.eq(equal | Mux(self.aborting, ~above & ~moved[32], past & has_target))
+        with m.If(~self.aborting & ~has_target):
+            m.d.comb += reached.eq(0)
+        remaining = Signal(32)  # target - v, or the limit with a sign
+        m.d.comb += remaining.eq(target - Mux(slow_down & ~equal, limit, v))
+
+        set_v, set_a, set_j, set_jj, set_target = (
+            loads[n]
+            for n in (
+                registers.SET_V,
+                registers.SET_A,
+                registers.SET_J,
+                registers.SET_JJ,
+                registers.SET_TARGET_V,
+            )
+        )
+        twice = Signal()  # v is the velocity of the step before, too
+        before = Signal(32)  # otherwise this is
+        with m.If(self.step):
+            m.d.sync += [before.eq(v), twice.eq(0)]
+        with m.Elif(set_v):
+            m.d.sync += twice.eq(1)
+        with m.If(self.step | set_v):
+            m.d.sync += v.eq(Mux(set_v, values[V], Mux(reached, target, moved[:32])))
+        rest = reached | slow_down
+        with m.If(self.step | set_a):
+            m.d.sync += a.eq(
+                Mux(
+                    set_a | rest,
+                    Mux(set_a, values[A], remaining),
+                    Mux(self.aborting, limit, a + j),
+                )
+            )
+        with m.If(self.step | set_j):
+            m.d.sync += j.eq(Mux(set_j, values[J], j + jj))
+        with m.If(set_jj):
+            m.d.sync += jj.eq(values[JJ])
+        with m.If(self.step & (reached | self.aborting)):
+            m.d.sync += [j.eq(0), jj.eq(0)]
+        with m.If(self.done):
+            m.d.sync += target.eq(0)
+        with m.Elif(set_target):
+            m.d.sync += target.eq(values[TARGET_V])
+        with m.If(self.load):
+            m.d.sync += has_target.eq(set_target)
+
+        # Position: half the sum of the velocities before and after the last acceleration step.
+        total = v.as_signed() + Mux(twice, v, before).as_signed()
+        x, loaded = Signal(STEP_BIT), Signal()
+        moved_x = Signal(STEP_BIT + 1)
+        set_x = loads[registers.SET_X]
+        m.d.comb += moved_x.eq(total[1 : STEP_BIT + 2] + Mux(loaded, values[X_LOW], x))
+        m.d.sync += [
+            x.eq(moved_x),
+            loaded.eq(set_x),
+            self.strobe.eq(moved_x[STEP_BIT] & ~set_x),
+            self.up.eq(~total[32]),
+        ]
+
+
+class PulseFormer(Component):
+    """Step and direction pins of one channel; the board's MSG.
+
+    A strobe at s changes ``dir`` at s + 1. ``step`` is high from s + 1 + max(pre, 1) up to
+    s + 1 + pulse, not included. A strobe before s + 1 + max(1, pre, pulse, post) is lost.
+
+    Members
+    -------
+    strobe, up : In(1)
+        Make a step in this direction.
+    pre, pulse, post : In(32)
+        Time since the strobe [cycle]; used as they are in each cycle.
+    step, dir : Out(1)
+        Pins.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "strobe": In(1),
+                "up": In(1),
+                "pre": In(32),
+                "pulse": In(32),
+                "post": In(32),
+                "step": Out(1),
+                "dir": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        busy, count = Signal(), Signal(32)
+        before_pre, before_end, before_post = Signal(), Signal(), Signal()
+        m.d.comb += [
+            before_pre.eq(count < self.pre),
+            before_end.eq(count < self.pulse),
+            before_post.eq(count < self.post),
+        ]
+        m.d.sync += self.step.eq(busy & ~before_pre & before_end)
+        with m.If(busy):
+            m.d.sync += count.eq(count + 1)
+            with m.If(~(before_pre | before_end | before_post)):
+                m.d.sync += [count.eq(0), busy.eq(0)]
+        with m.Elif(self.strobe):
+            m.d.sync += [count.eq(count + 1), busy.eq(1), self.dir.eq(self.up)]
+        return m
+
+
+def _sum(a: Value, b: Value, carry: Value) -> Value:
+    """Return the signed sum of two numbers of 32 bits and a carry, in 33 bits."""
+    a, b = Cat(a, a[31]), Cat(b, b[31])
+    return (Cat(Const(1, 1), a) + Cat(carry, b))[1:34]
+
+
+def _at_least(a: Value, b: Value, strictly: Value) -> Value:
+    """Return whether a >= b, or a > b where ``strictly``; signed numbers of 32 bits."""
+    a, b = Cat(a[:31], ~a[31]), Cat(b[:31], ~b[31])
+    return (Cat(Const(1, 1), a) + Cat(~strictly, ~b))[33]

@@ -355,8 +355,8 @@
 #define S3G_EXACT_LENGTH_CHECK 0u
 #define S3G_ROBUST_LENGTH_CHECK 1u
 
-/* Profile switch hold_buffer: On: the receiver waits while program memory is written, so that
- * REPLY_BUF_ERROR cannot happen. */
+/* Profile switch hold_buffer: On: the receiver waits while program memory is written, so that no
+ * write of it fails. */
 #define S3G_EXACT_HOLD_BUFFER 0u
 #define S3G_ROBUST_HOLD_BUFFER 1u
 

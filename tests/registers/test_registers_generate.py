@@ -98,6 +98,18 @@ def test_generated_python_is_formatted_and_clean():
         assert done.returncode == 0, done.stdout
 
 
+def test_numbered_registers_and_codes_become_constants():
+    names = {}
+    exec((generate.CHECKOUT / "src/pulsewright/boards/s3g/registers.py").read_text(), names)
+    assert names["W_V_VAL"] == (10, 18, 26, 34, 42, 50)
+    text = generate.python(names["MAP"])
+    assert "\nR_BE_CONTROL: Final = 62\n" in text
+    assert "\n# Interrupts [bit]\nINT_ASG_DONE: Final = 0\n" in text
+    assert "\nREPLY_INTERRUPT: Final = 0x50\n" in text
+    assert "\n# First byte of a packet.\nHEADER: Final = 0xD5\n" in text
+    assert "\n# Clock of everything. [Hz]\nCLOCK_HZ: Final = 50_000_000\n" in text
+
+
 def test_strings_are_quoted_and_broken_without_loss():
     text = 'say "it\'s" \\ ' + "word " * 40 + "\n\nlast line"
     rows = generate._expression(text, "desc=", 8, suffix=",")

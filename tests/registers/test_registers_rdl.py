@@ -1,7 +1,7 @@
 import pytest
 
 from pulsewright.errors import UsageError
-from pulsewright.registers.model import Choice, Constant, ProfileSwitch
+from pulsewright.registers.model import Argument, Choice, Code, Constant, ProfileSwitch, Table
 
 rdl = pytest.importorskip("pulsewright.registers.rdl", exc_type=ImportError)
 
@@ -120,6 +120,93 @@ def test_a_broken_source_is_refused_with_its_place(source, old, new, message):
     place = str(refusal.value).split(": ")[0]
     assert place.startswith(f"{path}:")
     assert all(number.isdigit() for number in place.removeprefix(f"{path}:").split(":"))
+
+
+NUMBERED = """
+`include "properties.rdl"
+addrmap demo {
+    bridge;
+    address_bits = 3;
+    address_bytes = 2;
+    constants = '{constant'{name: "HEADER", value: 0xD5, unit: "hex", desc: "First byte."}};
+    tables = '{
+        table'{prefix: "INT", title: "Interrupts", unit: "bit", desc: "Pending
+                                                                        bits.",
+            codes: '{code'{name: "DONE", value: 3, desc: "All is done."}}},
+        table'{prefix: "CMD", title: "Commands", unit: "hex", desc: "",
+            codes: '{
+                code'{name: "STOP", value: 0x10, desc: "Stop."},
+                message'{name: "FILL", value: 0x20, desc: "Fill.",
+                    arguments: '{argument'{name: "count", size: 1, repeat: ""},
+                                 argument'{name: "words", size: 5, repeat: "count"}},
+                    reply: '{argument'{name: "left", size: 2, repeat: ""}}}}}};
+    addrmap {
+        default regwidth = 16; default sw = r; default hw = w;
+        reg { desc = "Who."; field { desc = "Type."; } kind[15:0] = 0; } ident @ 3*2;
+    } read @ 0x00;
+    addrmap {
+        default regwidth = 16; default sw = w; default hw = r;
+        reg { desc = "All."; takes_effect = "at once"; field { desc = "Run."; } run[0:0] = 0;
+        } control @ 0*2;
+        regfile {
+            reg { desc = "Rate."; takes_effect = "at once"; field { desc = "Step."; } v[15:0] = 0;
+            } rate @ 0*2;
+            reg { desc = "Time."; takes_effect = "at once"; field { desc = "Wait."; } v[15:0] = 5;
+            } wait_time @ 1*2;
+        } channel[3] @ 1*2 += 2*2;
+    } write @ 0x10;
+};
+"""
+
+
+def test_registers_may_be_numbered_and_grouped(source):
+    board = rdl.read(source(NUMBERED))
+    assert board.numbered
+    found = {r.key: (r.addresses, r.size, r.address_bytes) for r in board.registers}
+    assert found == {
+        "R_IDENT": ((3,), 2, 2),
+        "W_CONTROL": ((0,), 2, 2),
+        "W_RATE": ((1, 3, 5), 2, 2),
+        "W_WAIT_TIME": ((2, 4, 6), 2, 2),
+    }
+    place = board.at("write", 4)
+    assert (place.register.key, place.instance, place.byte) == ("W_WAIT_TIME", 1, 0)
+    assert place.label == "wait_time"  # not "..., low byte": the whole register is there
+    assert board.at("write", 7) is None
+    assert not rdl.read(source(BOARD)).numbered
+
+
+def test_codes_that_are_no_registers_are_read_with_their_arguments(source):
+    board = rdl.read(source(NUMBERED))
+    assert board.table("INT") == Table(
+        "INT", "Interrupts", (Code("DONE", 3, "All is done."),), "bit", "Pending bits."
+    )
+    fill = board.table("CMD")["FILL"]
+    assert fill.arguments == (Argument("count", 1), Argument("words", 5, "count"))
+    assert [argument.text for argument in fill.arguments] == ["count u8", "words u40 x count"]
+    assert fill.reply == (Argument("left", 2),)
+    assert board.table("CMD").at(0x10).name == "STOP"
+    assert board.constants[0].text == "0xD5"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("address_bytes = 2;", "address_bytes = 4;", "has 2 bytes; 4 are at one address"),
+        ("ident @ 3*2", "ident @ 8*2", "address 0x8 does not fit in 3 address bits"),
+        ("channel[3] @ 1*2 += 2*2", "channel[3] @ 1*2 += 5", "begins within an address; 2 bytes"),
+        ("wait_time @ 1*2", "wait_time[1] @ 1*2", "an array of registers has one dimension"),
+        ('repeat: "count"', 'repeat: "size"', "FILL: words repeats by 'size', no argument before"),
+        ("value: 0x20", "value: 0x10", "table CMD: needs rising values and names of their own"),
+        ('name: "FILL"', 'name: "STOP"', "table CMD: needs rising values and names of their own"),
+    ],
+)
+def test_a_broken_numbered_source_is_refused_with_its_place(source, old, new, message):
+    assert old in NUMBERED
+    path = source(NUMBERED.replace(old, new))
+    with pytest.raises(UsageError, match=message) as refusal:
+        rdl.read(path)
+    assert str(refusal.value).startswith(f"{path}:")
 
 
 def test_a_missing_source_is_named(tmp_path):

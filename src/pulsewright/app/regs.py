@@ -56,7 +56,8 @@ def table(registers: RegisterMap) -> str:
 
     overview = Table("addr", "read", "write", box=box.SIMPLE_HEAD)
     for at, read, written in pages.places(registers):
-        overview.add_row(f"{at:02X}", *(place.label if place else "" for place in (read, written)))
+        labels = (place.label if place else "" for place in (read, written))
+        overview.add_row(pages.address(registers, at), *labels)
     console.print(overview)
 
     for register in registers.registers:
@@ -65,7 +66,8 @@ def table(registers: RegisterMap) -> str:
             head += f", reset {pages.word(register, register.reset)}"
         console.print(head)
         if pages.has_picture(register):
-            console.print(Padding(_picture(register, console), (0, 2)))
+            for picture in _pictures(register, console):
+                console.print(Padding(picture, (0, 2)))
         console.print(_text(register.desc))
         for term, text in pages.notes(register):
             console.print(_text(f"{term}: {text}."))
@@ -76,8 +78,18 @@ def table(registers: RegisterMap) -> str:
             fields.add_row(field.bits, field.name, reset, _plain(lines))
         console.print(fields)
 
+    for codes in registers.tables:
+        console.print(codes.title)
+        console.print(_text(codes.desc))
+        titles, rows = pages.table_rows(codes)
+        listed = Table(*(title.lower() for title in titles), box=box.SIMPLE_HEAD)
+        listed.columns[0].no_wrap = True
+        for row in rows:
+            listed.add_row(*map(_plain, row))
+        console.print(listed)
     if registers.switches:
         switches = Table("switch", *registers.profiles, "allowed", "meaning", box=box.SIMPLE_HEAD)
+        switches.columns[0].no_wrap = True
         for switch in registers.switches:
             cells = [switch.name, *map(switch.text, switch.values), switch.allowed, switch.meaning]
             switches.add_row(*map(_plain, cells))
@@ -85,8 +97,8 @@ def table(registers: RegisterMap) -> str:
     if registers.constants:
         constants = Table("constant", "value", "meaning", box=box.SIMPLE_HEAD)
         for constant in registers.constants:
-            value = f"{constant.value:_} {constant.unit}"
-            constants.add_row(constant.name, value, _plain(constant.desc))
+            name, value, unit, meaning = pages.constant_row(constant)
+            constants.add_row(_plain(name), f"{value} {unit}".strip(), _plain(meaning))
         console.print(constants)
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
 
@@ -100,21 +112,30 @@ def _text(text: str) -> Padding:
     return Padding(_plain(text), (0, 2))
 
 
-def _picture(register: Register, console: Console) -> Table:
-    """Draw a register as a row of bits, the highest at the left."""
-    picture = Table(box=box.SQUARE, show_lines=True, padding=(0, 1))
-    cells = []
+def _pictures(register: Register, console: Console) -> list[Table]:
+    """Draw a register as a row of bits, the highest at the left; as several where it is wide."""
+    places = []
     bit = 8 * register.size - 1
     for name, owner, width in pages.bit_runs(register):
         low = bit - width + 1
-        picture.add_column(f"{bit}:{low}" if width > 1 else str(bit), justify="center")
         short = name.replace("_", "_\n") if len(name) > 8 else name
-        cells.append(f"{short}\n{owner}" if owner else short or "-")
+        text = f"{short}\n{owner}" if owner else short or "-"
+        places.append((f"{bit}:{low}" if width > 1 else str(bit), text))
         bit = low - 1
-    picture.add_row(*cells)
-    if Measurement.get(console, console.options, picture).maximum > console.width - 4:
-        picture.padding = 0  # eight bits with owners fit in 80 columns
-    return picture
+    return _rows_of_bits(places, console)
+
+
+def _rows_of_bits(places: list[tuple[str, str]], console: Console) -> list[Table]:
+    picture = Table(box=box.SQUARE, show_lines=True, padding=(0, 1))
+    for bits, _ in places:
+        picture.add_column(bits, justify="center")
+    picture.add_row(*(text for _, text in places))
+    for padding in (1, 0):  # without it, eight bits with owners fit in 80 columns
+        picture.padding = (0, padding)
+        if Measurement.get(console, console.options, picture).maximum <= console.width - 4:
+            return [picture]
+    half = len(places) // 2
+    return [*_rows_of_bits(places[:half], console), *_rows_of_bits(places[half:], console)]
 
 
 FORMATS: Final[dict[str, Callable[[RegisterMap], str]]] = {

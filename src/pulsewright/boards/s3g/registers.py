@@ -928,8 +928,8 @@ MAP: Final = RegisterMap(
         ProfileSwitch(
             name="hold_buffer",
             meaning=(
-                "On: the receiver waits while program memory is written, so that `REPLY_BUF_ERROR` "
-                "cannot happen."
+                "On: the receiver waits while program memory is written, so that no write of it "
+                "fails."
             ),
             values=(0, 1),
             minimum=0,

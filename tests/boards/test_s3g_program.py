@@ -242,3 +242,19 @@ def test_a_finding_knows_its_column():
     assert program.check(made) == [
         Finding("error", 1, 4, "never goes on: none of its interrupts is ever pending")
     ]
+
+
+def test_the_program_of_the_readme_has_no_findings():
+    text = Path(program.__file__).with_name("README.md").read_text(encoding="utf-8")
+    [source] = re.findall(r"```text\n(.*?)```", text, re.DOTALL)
+    made = assemble(source)
+    assert made.labels == {"move": 4}
+    assert len(made.instructions) == 16
+    assert program.check(made) == []
+
+
+def test_the_program_at_the_top_of_the_module_has_no_findings():
+    source = program.__doc__.split("::\n\n")[1].split("\n\nNumbers")[0]
+    made = assemble(source)
+    assert (made.labels, made.instructions[0].address) == ({"cruise": 16}, 16)
+    assert program.check(made) == []

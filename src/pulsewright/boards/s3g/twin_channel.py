@@ -28,7 +28,7 @@ from pulsewright.boards.s3g.registers import (
     W_X_VAL_HI,
     W_X_VAL_LO,
 )
-from pulsewright.twin.kernel import hot, inlined, kernel
+from pulsewright.twin.kernel import inlined, kernel
 from pulsewright.twin.recorder import NEARLY_FULL, RESERVE, Rows, toggle
 
 FRACTION: Final = STEP_UNITS.bit_length() - 1  # the bit of the position that makes steps
@@ -40,8 +40,8 @@ SIGN: Final = 1 << 31
 # ``stepping``, the step register, and ``up``, the direction beside it. Pulse former: ``start``, the
 # cycle in which it took its last step, ``free``, the first one in which it takes the next; the step
 # pin is high from edge ``rise`` to edge ``fall``; ``step`` and ``direction`` are the pins before
-# edge ``tick``. ``position``, ``pulses`` and ``lost`` count steps taken with their sign, without it,
-# and steps that came too early.
+# edge ``tick``. ``position``, ``pulses`` and ``lost`` count steps taken with their sign, without
+# it, and steps that came too early.
 CHANNEL: Final = np.dtype(
     [
         (name, np.int64)
@@ -79,7 +79,7 @@ def busy_cycles(times: Times) -> int:
 # ------------------------------------------------------------------------------------------- pulses
 
 
-@inlined
+@kernel
 def show_pulse(channel: Any, begin: int, end: int, rows: Rows, row: int) -> None:
     """Record the step pin at edges from ``begin`` up to, not including, ``end``."""
     rise, fall = channel.rise, channel.fall
@@ -96,18 +96,6 @@ def show_pulse(channel: Any, begin: int, end: int, rows: Rows, row: int) -> None
     channel.step = 1 if rise < end <= fall else 0
 
 
-@inlined
-def take_step(channel: Any, cycle: int, direction: int, times: Times, rows: Rows, row: int) -> None:
-    """Start the pulse of a step that comes in ``cycle``; direction pins have ``row``."""
-    if direction != channel.direction:
-        channel.direction = direction
-        toggle(rows, row, cycle)
-    channel.start, channel.free = cycle, cycle + busy_cycles(times) + 1
-    channel.rise, channel.fall = cycle + max(times.pre, 1), cycle + times.pulse
-    channel.pulses += 1
-    channel.position += 1 if direction else -1
-
-
 @kernel
 def retime(channel: Any, cycle: int, times: Times) -> None:
     """Let other thresholds count from ``cycle`` on; the channel must stand there."""
@@ -117,15 +105,9 @@ def retime(channel: Any, cycle: int, times: Times) -> None:
         channel.fall = channel.start + times.pulse
 
 
-@hot
+@kernel
 def advance(
-    channel: Any,
-    end: int,
-    moving: bool,
-    carry: int,
-    times: Times,
-    rows: Rows,
-    pins: tuple[int, int],
+    channel: Any, end: int, moving: int, carry: int, times: Times, rows: Rows, pins: tuple[int, int]
 ) -> bool:
     """Run one channel up to, not including, cycle ``end``; record its pins.
 
@@ -134,8 +116,8 @@ def advance(
     channel : record of `CHANNEL`
     end : int
         First cycle not run.
-    moving : bool
-        False: position and step register stand still, as where a position is loaded.
+    moving : int
+        0: position and step register stand still, as where a position is loaded.
     carry : int
         Added to a position in every cycle of negative velocity; a multiple of 2^32.
     times : Times
@@ -150,11 +132,11 @@ def advance(
         False if a buffer is full up to its reserve: the channel then stands at an earlier cycle,
         and the call can be repeated once there is room.
     """
-    step_row, direction_row = pins
+    edges = rows.pins[pins[0]]
     while channel.tick < end:
         tick = channel.tick
-        doubled = channel.v + channel.sv
-        each = doubled >> 1 if moving else 0
+        doubled = channel.v + channel.sv if moving else 0
+        each = doubled >> 1
         stride = ((each + STEP_UNITS) & (CYCLE - 1)) - STEP_UNITS
         # distance covered since the last change of bit 16, and speed, both upwards
         part = channel.x & (STEP_UNITS - 1)
@@ -163,88 +145,104 @@ def advance(
             part = STEP_UNITS - 1 - part
         cycles = end - tick
         steps = (part + cycles * stride) >> FRACTION
-        if steps == 0 and channel.stepping == 0 and channel.fall <= tick and channel.step == 0:
-            channel.x += cycles * (each + (carry if doubled < 0 and moving else 0))
-            channel.tick = end
-            return True
-
-        room = (rows.pins[step_row].room - rows.pins[step_row].used - RESERVE) // 2 - 2
-        hold = busy_cycles(times)
-        if steps >= room:
+        if steps or channel.stepping:
+            room = (edges.room - edges.used - RESERVE) // 2 - 2
             if room < 1:
                 rows.full[0] = 1
                 return False
-            # so many cycles that the pulses find room, be they limited by steps or by pulse lengths
-            until = (room * STEP_UNITS - part + stride - 1) // stride
-            cycles = min(cycles, max(until, room * hold))
-            steps = (part + cycles * stride) >> FRACTION
-        # the pulse former does not see a step of the last cycle yet
-        seen = (part + (cycles - 1) * stride) >> FRACTION
-
-        shown = tick  # first edge of the step pin that is not recorded
-        if channel.stepping:
-            if channel.free <= tick:
-                show_pulse(channel, shown, tick + 1, rows, step_row)
-                shown = tick + 1
-                take_step(channel, tick, channel.up, times, rows, direction_row)
-            else:
-                channel.lost += 1
-        if seen:
+            if steps > room:
+                # pulses are as few as the steps or as the times of the pulse former allow
+                until = (room * STEP_UNITS - part + stride - 1) // stride
+                cycles = min(cycles, max(until, room * busy_cycles(times)))
+                steps = (part + cycles * stride) >> FRACTION
+            # the pulse former does not see a step of the last cycle yet
+            seen = (part + (cycles - 1) * stride) >> FRACTION
             up = 1 if doubled > 0 else 0
-            rise, width = max(times.pre, 1), times.pulse - max(times.pre, 1)
-            whole, rest = STEP_UNITS // stride, STEP_UNITS % stride
-            edges = rows.pins[step_row]
-            at = edges.first + edges.used
-            taken, number, after, over = 0, 1, 0, 0
-            while number <= seen:
-                if after == 0:  # cycles after ``tick`` at which the former sees step ``number``
-                    distance = number * STEP_UNITS - part
-                    after = (distance + stride - 1) // stride
-                    over = after * stride - distance
-                cycle = tick + after
-                if cycle < channel.free:
-                    blocked = (part + (channel.free - tick - 1) * stride) >> FRACTION
-                    blocked = min(blocked, seen)
-                    channel.lost += blocked - number + 1
-                    number = blocked + 1
-                    after = 0
-                    continue
-                if taken == 0:
-                    show_pulse(channel, shown, cycle + 1, rows, step_row)
-                    shown = cycle + 1
-                    at = edges.first + edges.used
-                if channel.direction != up:
-                    channel.direction = up
-                    toggle(rows, direction_row, cycle)
-                taken += 1
-                channel.start, channel.free = cycle, cycle + hold + 1
-                channel.rise, channel.fall = cycle + rise, cycle + rise + width
-                if width > 0 and channel.fall < tick + cycles:
-                    rows.cycles[at] = channel.rise
-                    rows.cycles[at + 1] = channel.fall
-                    at += 2
-                    shown = channel.fall + 1
-                else:
-                    shown = cycle + 1
-                number += 1
-                if rest > over:
-                    after += whole + 1
-                    over += stride - rest
-                else:
-                    after += whole
-                    over -= rest
-            edges.used = at - edges.first
-            if edges.room - edges.used < NEARLY_FULL:
-                rows.full[0] = 1
-            channel.pulses += taken
-            channel.position += taken if up else -taken
-        show_pulse(channel, shown, tick + cycles, rows, step_row)
-        channel.stepping = steps - seen
-        if steps:
-            channel.up = 1 if doubled > 0 else 0
-        channel.x += cycles * (each + (carry if doubled < 0 and moving else 0))
+            make_steps(channel, tick + cycles, seen, part, stride, up, times, rows, pins)
+            channel.stepping = steps - seen
+            if steps:
+                channel.up = up
+        elif channel.step or channel.fall > tick:
+            show_pulse(channel, tick, tick + cycles, rows, pins[0])
+        channel.x += cycles * (each + carry if doubled < 0 else each)
         channel.tick = tick + cycles
     return True
+
+
+@kernel
+def make_steps(
+    channel: Any,
+    end: int,
+    seen: int,
+    part: int,
+    stride: int,
+    up: int,
+    times: Times,
+    rows: Rows,
+    pins: tuple[int, int],
+) -> None:
+    """Run the pulse former up to, not including, cycle ``end``.
+
+    Parameters
+    ----------
+    channel : record of `CHANNEL`
+    end : int
+    seen : int
+        Steps that it sees, besides one in the step register. It sees number k of them in cycle
+        ``tick + ceil((k * 65536 - part) / stride)``.
+    part, stride : int
+        Position since the last step, 0..65535, and its growth in every cycle.
+    up : int
+        Their direction.
+    times, rows, pins
+        As in `advance`.
+    """
+    tick = channel.tick
+    first, hold = max(times.pre, 1), busy_cycles(times)
+    edges = rows.pins[pins[0]]
+    whole, rest = STEP_UNITS // stride, STEP_UNITS % stride  # not used where the stride is 0
+    shown = tick  # first edge of the step pin that is not recorded
+    number = 1 - channel.stepping
+    after, over = -number, 0  # cycles after ``tick``, -1 where not known; position then, past it
+    while number <= seen:
+        if after < 0:
+            distance = number * STEP_UNITS - part
+            after = (distance + stride - 1) // stride
+            over = after * stride - distance
+        cycle = tick + after
+        if cycle < channel.free:
+            last = min((part + (channel.free - tick - 1) * stride) >> FRACTION, seen)
+            channel.lost += last - number + 1
+            number, after = last + 1, -1
+            continue
+        show_pulse(channel, shown, cycle + 1, rows, pins[0])
+        direction = up if number else channel.up
+        if channel.direction != direction:
+            channel.direction = direction
+            toggle(rows, pins[1], cycle)
+        channel.pulses += 1
+        channel.position += 1 if direction else -1
+        channel.start, channel.free = cycle, cycle + hold + 1
+        channel.rise, channel.fall = cycle + first, cycle + times.pulse
+        shown = cycle + 1
+        if channel.rise < channel.fall < end:
+            at = edges.first + edges.used
+            rows.cycles[at] = channel.rise
+            rows.cycles[at + 1] = channel.fall
+            edges.used += 2
+            shown = channel.fall + 1
+        if number == 0:
+            after = -1
+        elif rest > over:
+            after += whole + 1
+            over += stride - rest
+        else:
+            after += whole
+            over -= rest
+        number += 1
+    show_pulse(channel, shown, end, rows, pins[0])
+    if edges.room - edges.used < NEARLY_FULL:
+        rows.full[0] = 1
 
 
 # ------------------------------------------------------------------------------------------ profile

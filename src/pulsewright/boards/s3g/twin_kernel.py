@@ -70,7 +70,7 @@ CONTROL_CHANNELS: Final = 3  # in register 3; the next ones are in register 60
 
 
 @kernel
-def advance_channel(s: State, c: int, end: int, moving: bool) -> bool:
+def advance_channel(s: State, c: int, end: int, moving: int) -> bool:
     """Run a channel up to cycle ``end``, not included; False if a buffer is full."""
     board = s.board[0]
     times = Times(board.pre, board.pulse, board.post)
@@ -86,7 +86,7 @@ def advance_all(s: State, end: int) -> bool:
     done = True
     for c in range(s.board[0].channels):
         if s.channels[c].tick < end:
-            done = advance_channel(s, c, end, True) and done
+            done = advance_channel(s, c, end, 1) and done
     return done
 
 
@@ -132,7 +132,7 @@ def load(s: State, cycle: int) -> None:
         board.dt_origin = cycle + 1
     for c in range(board.channels):
         bits = control_bits(board, c)
-        advance_channel(s, c, cycle + 1, bits >> SET_X & 1 == 0)
+        advance_channel(s, c, cycle + 1, ~bits >> SET_X & 1)
         motion.load(s.channels[c], board.outputs, c, bits)
     board.asg_state = WORKING
     board.asg_at = next_hit(board, cycle + 1) if board.dt_limit else cycle + 1
@@ -160,7 +160,7 @@ def step(s: State, cycle: int) -> int:
         sources = 1 << INT_ASG_ABORT
     for c in range(board.channels):
         channel = s.channels[c]
-        advance_channel(s, c, cycle + 1, True)
+        advance_channel(s, c, cycle + 1, 1)
         if board.asg_state == ABORTING:
             motion.brake(channel, motion.signed(board.outputs[W_ABORT_A_VAL[c]]))
         else:

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from numba import config, njit
+import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -26,8 +26,8 @@ def compiled(**options: Any) -> Callable[[F], F]:
     """Return ``numba.njit(cache=True, **options)``, made to keep no outdated kernel."""
 
     def decorate(function: F) -> F:
-        dispatcher = njit(cache=True, **options)(function)
-        if not config.DISABLE_JIT:
+        dispatcher = numba.njit(cache=True, **options)(function)
+        if hasattr(dispatcher, "_cache"):  # not with NUMBA_DISABLE_JIT
             # numba, whose version is pinned, has no public way to say on what a kernel depends
             kept: Any = dispatcher._cache._cache_file
             kept._source_stamp = stamp(function.__code__.co_filename)

@@ -156,13 +156,13 @@ def test_axes_without_pins_are_left_out_where_the_board_can(tools, tmp_path):
         ({"board": "pluto"}, "no board 'pluto'"),
         ({"platform": "de10"}, "no platform 'de10'; the platforms are icebreaker, hx8k, ulx3s"),
         ({"profile": "odd"}, "pluto_step has no profile 'odd'; it has exact, extended"),
-        ({"axes": 5}, "5 axes asked; the board has 1 to 4"),
+        ({"axes": 5}, "5 axes asked; pluto_step has 1 to 4"),
         ({"platform": "orangecrab", "axes": 4}, "at most 3 axes fit, not 4"),
         ({"pins": "x.toml"}, "x.toml: cannot be read"),
         ({"pins": "x.toml", "axes": 1}, "x.toml says which axes are at pins"),
         ({"verilog": True, "platform": "ulx3s"}, "leave out platform and pins"),
         ({"verilog": True, "axes": 3}, "3 axes asked; pluto_step always has 4"),
-        ({"verilog": True, "axes": 9}, "9 axes asked; the board has 1 to 4"),
+        ({"verilog": True, "axes": 9}, "9 axes asked; pluto_step has 1 to 4"),
     ],
 )
 def test_requests_that_cannot_be_met(tmp_path, options, message):

@@ -194,6 +194,8 @@ def run(
     room = boards.get(board)
     profile = room.default_profile if profile is None else profile
     room.switches(profile)
+    if axes is not None and not 1 <= axes <= room.axes:
+        raise UsageError(f"{axes} axes asked; {board} has 1 to {room.axes}")
     if verilog:
         if platform is not None or pins is not None:
             raise UsageError("Verilog is written without pads: leave out platform and pins")
@@ -201,12 +203,11 @@ def run(
     if pins is not None and axes is not None:
         raise UsageError(f"{pins} says which axes are at pins: leave out --axes")
 
-    whole = _gateware(room, profile, None)
-
     from pulsewright.gateware import pins as pin_maps
     from pulsewright.gateware import platforms, pll, synth
 
     target = platforms.get(PLATFORM if platform is None else platform)
+    whole = _gateware(room, profile, axes if pins is None else room.axes, target.family)
     free = target.pins()
     pads = pin_maps.pads(whole)
     if pins is None:
@@ -219,7 +220,7 @@ def run(
     folder = _made(Path(out or f"out/{board}-{target.name}"))
     tools = _made(folder / "tools")
     made_axes = max(len(pin_map.get(name, ())) for name in pin_maps.axis_pads(pads))
-    component = _gateware(room, profile, made_axes)
+    component = _gateware(room, profile, made_axes, target.family)
     bitstream = folder / f"{board}-{target.name}{synth.SUFFIX[target.family]}"
     bitstream.unlink(missing_ok=True)  # one of an earlier build must not pass for this one's
     made = synth.implement(
@@ -329,7 +330,7 @@ def area(
         room = boards.get(board)
         room.switches(profile)
         with tempfile.TemporaryDirectory(prefix="pulsewright-") as folder:
-            resources = synth.synthesise(_gateware(room, profile, None), family, folder)
+            resources = synth.synthesise(_gateware(room, profile, None, family), family, folder)
             reached = synth.reach(family, folder, seeds)
         rows.append(
             Area(
@@ -391,10 +392,13 @@ def _grouped(pins: Sequence[str]) -> str:
     return ranges(pins)
 
 
-def _gateware(room: Board, profile: str, axes: int | None) -> Component:
-    """Return a room's gateware. Says what to install where Amaranth is missing."""
+def _gateware(room: Board, profile: str, axes: int | None, family: str | None = None) -> Component:
+    """Return a room's gateware, as large as a family takes.
+
+    Says what to install where Amaranth is missing.
+    """
     try:
-        return room.gateware(profile, axes)
+        return room.gateware(profile, axes, **room.sizes.get(family or "", {}))
     except ModuleNotFoundError as error:
         if error.name != "amaranth":
             raise
@@ -405,27 +409,22 @@ def _gateware(room: Board, profile: str, axes: int | None) -> Component:
 
 
 def _verilog(room: Board, profile: str, axes: int | None, out: Path) -> BuildResult:
-    whole = _gateware(room, profile, None)
+    component = _gateware(room, profile, axes)
 
     from pulsewright.gateware import pins as pin_maps
     from pulsewright.gateware import synth
 
-    def count(component: Component) -> int:
-        return pin_maps.pads(component)["step"].width
-
-    most = count(whole)
-    if axes is not None and not 1 <= axes <= most:
-        raise UsageError(f"{axes} axes asked; the board has 1 to {most}")
-    component = whole if axes is None else _gateware(room, profile, axes)
-    if axes is not None and count(component) != axes:
+    pads = pin_maps.pads(component)
+    made = pads[pin_maps.axis_pads(pads)[0]].width
+    if axes is not None and axes != made:
         raise UsageError(
-            f"{axes} axes asked; {room.name} always has {most}. Leave the ports of the others open"
+            f"{axes} axes asked; {room.name} always has {made}. Leave the ports of the others open"
         )
     path = _made(out) / f"{room.name}.v"
     text = synth.verilog(component, room.name)
     with replacing(path) as temporary:
         temporary.write_text(text)
-    return BuildResult(room.name, profile, None, axes or most, None, None, (), (), (path,))
+    return BuildResult(room.name, profile, None, made, None, None, (), (), (path,))
 
 
 def _clock_hz(room: Board) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pulsewright.errors import UsageError
@@ -35,6 +35,8 @@ class Board:
         Ways to resolve the contradictions of the document.
     default_profile : str
         One of ``profiles``.
+    axes : int
+        Motors that one board can drive at most.
     registers : callable
         ``registers()`` returns the `RegisterMap`.
     twin : callable
@@ -45,11 +47,14 @@ class Board:
         its twin that a bus uses.
     gateware : callable
         ``gateware(profile, axes, **switches)`` returns the board's gateware, a `Component`; with
-        just ``axes`` axes (None: all), where the room can leave out some.
+        just ``axes`` axes (None: as many as the original), where the room can leave out some.
     driver : callable
         ``driver(bus, profile, **switches)`` returns a driver for a board on an open bus.
     player : callable
         ``player(driver, trajectory, **limits)`` returns what plays planned motion on the board.
+    sizes : mapping of str to mapping of str to int
+        For FPGA families that are too small for all of a board: parameters of ``gateware`` with
+        which it fits.
     positive_direction : int
         Level of the direction pins while a motor's position rises (0 or 1).
     recordings : callable, optional
@@ -63,6 +68,7 @@ class Board:
     document: str
     profiles: tuple[str, ...]
     default_profile: str
+    axes: int
     registers: Callable[[], RegisterMap]
     twin: Callable[..., Any]
     rtl: Callable[..., Any]
@@ -70,6 +76,7 @@ class Board:
     driver: Callable[..., Any]
     player: Callable[..., Any]
     positive_direction: int = 1
+    sizes: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     recordings: Callable[[], tuple[Load, Replay]] | None = None
 
     def switches(self, profile: str | None = None, **changes: int) -> dict[str, int]:

@@ -20,17 +20,22 @@ from pulsewright.errors import UsageError
 
 PinMap = dict[str, tuple[str | None, ...]]
 
-# The host's bus: without it a board is of no use.
-BUS: Final = ("data", "nwrite", "ndatastr", "naddrstr", "nwait")
+# The host's bus, EPP or serial: without it a board is of no use.
+BUS: Final = ("data", "nwrite", "ndatastr", "naddrstr", "nwait", "avr_tx", "avr_rx")
+# Where the serial bus is on platforms with a serial port at their USB; nothing else may go there.
+SERIAL: Final = {"avr_tx": "uart_0:rx", "avr_rx": "uart_0:tx"}
 # Inputs that stop the machine when their wire breaks, so they need a wire.
 SAFETY: Final = ("estop_chain",)
 # Inputs that must not read 1 while they are open: no pull-up.
 ACTIVE_HIGH: Final = (*SAFETY, "intr_i")
-# One pin per axis.
-AXIS: Final = ("step", "dir", "a", "b", "index")
+# One pin per axis; the first two that a board has make it move.
+AXIS: Final = ("step", "dir", "a", "b", "index", "mot_step", "mot_dir", "mot_enable")
 # At pins only if a map says so: the reset of the host, what links several boards, and the direction
 # of a level shifter for the data.
-UNUSED: Final = ("nreset", "ninit", "nconfig", "intr_i", "intr_o", "data_oe")
+UNUSED: Final = (
+    *("nreset", "ninit", "nconfig", "intr_i", "intr_o", "data_oe"),
+    *("rst_n", "cclk"),
+)
 _GAP: Final = "-"
 
 
@@ -108,7 +113,14 @@ def default_map(
     UsageError
         If there are not that many axes, or pins for them.
     """
-    bus = [(name, bit) for name in required(pads) for bit in range(pads[name].width)]
+    wired = {name: pin for name, pin in SERIAL.items() if name in pads and pin in pins}
+    pins = [pin for pin in pins if pin not in SERIAL.values()]
+    bus = [
+        (name, bit)
+        for name in required(pads)
+        if name not in wired
+        for bit in range(pads[name].width)
+    ]
     mine = axis_pads(pads)
     most = min((pads[name].width for name in mine), default=0)
     room = min(most, (len(pins) - len(bus)) // max(len(mine), 1))
@@ -126,7 +138,7 @@ def default_map(
     rest = [name for name in pads if name not in (*BUS, *SAFETY, *AXIS, *UNUSED)]
     outputs_first = sorted(rest, key=lambda name: pads[name].direction == "i")
     order += [(name, bit) for name in outputs_first for bit in range(pads[name].width)]
-    found: dict[str, list[str | None]] = {}
+    found: dict[str, list[str | None]] = {name: [pin] for name, pin in wired.items()}
     for (name, _), pin in zip(order, pins, strict=False):
         found.setdefault(name, []).append(pin)
     return {name: tuple(found[name]) for name in pads if name in found}
@@ -195,7 +207,7 @@ def load(path: Path, pads: Mapping[str, Pad], pins: Sequence[str], where: str) -
 
 def axes_of(pin_map: PinMap, pads: Mapping[str, Pad]) -> tuple[int, ...]:
     """Return the axes whose step and dir are at pins."""
-    step, direction = (pin_map.get(name, ()) for name in AXIS[:2])
+    step, direction = (pin_map.get(name, ()) for name in axis_pads(pads)[:2])
     return tuple(n for n, pair in enumerate(zip(step, direction, strict=False)) if all(pair))
 
 

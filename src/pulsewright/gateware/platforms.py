@@ -59,10 +59,20 @@ class Platform:
             module = importlib.import_module(f"amaranth_boards.{self.module}")
         except ModuleNotFoundError as error:
             raise UsageError(f"platform {self.name} needs {error.name}; {INSTALL}") from error
-        return getattr(module, self.kind)()
+        from amaranth.build import Connector
+
+        platform = getattr(module, self.kind)()
+        uart = platform.resources.get(("uart", 0))
+        if uart is not None:  # its pins by name, like those of a connector
+            pins = {sub.name: sub.ios[0].names[0] for sub in uart.ios if sub.name in ("rx", "tx")}
+            platform.add_connectors([Connector("uart", 0, pins)])
+        return platform
 
     def pins(self) -> dict[str, str]:
         """Return the free pins in the order of use: ``pmod_0:1`` on the board, ``4`` on the FPGA.
+
+        The last ones are the serial port at the board's USB, ``uart_0:rx`` and ``uart_0:tx``, if it
+        has one; only a serial bus may go there.
 
         Raises
         ------
@@ -72,7 +82,8 @@ class Platform:
         connectors = {f"{c.name}_{c.number}": c for c in self.open().connectors.values()}
         return {
             f"{name}:{pin}": ball
-            for name in self.connectors
+            for name in (*self.connectors, "uart_0")
+            if name in connectors
             for pin, ball in connectors[name].mapping.items()
         }
 

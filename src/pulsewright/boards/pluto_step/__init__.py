@@ -79,6 +79,7 @@ BOARD: Final = Board(
     document="LinuxCNC, The register layout of the pluto-servo (pluto-step firmware)",
     profiles=tuple(PROFILES),
     default_profile=DEFAULT_PROFILE,
+    axes=4,
     registers=_registers,
     twin=_twin,
     rtl=_rtl,

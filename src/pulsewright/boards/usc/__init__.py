@@ -70,6 +70,7 @@ BOARD: Final = Board(
     document="Pico Systems, Universal Stepper Controller Register Definition",
     profiles=tuple(PROFILES),
     default_profile=DEFAULT_PROFILE,
+    axes=4,
     registers=_registers,
     twin=_twin,
     rtl=_rtl,

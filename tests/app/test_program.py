@@ -63,8 +63,9 @@ def test_what_cannot_be_read_is_explained(write, tmp_path):
     (tmp_path / "binary").write_bytes(b"\xd5\xff\xfe")
     with pytest.raises(SourceError, match="binary: this is not a text file"):
         program.run(tmp_path / "binary")
-    with pytest.raises(UsageError, match=r"7 channels; a board has 1\.\.6"):
-        program.run(write(GOOD), channels=7)
+    for channels in (0, 7):
+        with pytest.raises(UsageError, match=rf"{channels} channels; a board has 1\.\.6"):
+            program.run(write(GOOD), channels=channels)
 
 
 @pytest.mark.parametrize(("text", "code"), [(GOOD, 0), ("WAIT_ANY 0\nDONE 0", 1), ("JUMP 0", 2)])

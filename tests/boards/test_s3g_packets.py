@@ -82,6 +82,11 @@ def test_reports_of_the_worked_vectors(packet, names):
     assert packets.interrupt_names(report.pending) == names
 
 
+def test_only_the_tag_of_reports_makes_a_report():
+    assert not Reply(1, 0x50, bytes(4)).is_report
+    assert not Reply(0xFFFF, 0x81, bytes(4)).is_report
+
+
 def test_unused_interrupts_are_named_by_their_bit():
     assert packets.interrupt_names(0x8000_0022) == ["ASG_ABORT", "bit 5", "SE_INT_LB"]
 
@@ -95,6 +100,7 @@ def test_unused_interrupts_are_named_by_their_bit():
             r"INPUT was answered with REPLY_UNKNOWN with tag 6\. No such command",
         ),
         ("D5 03 02 00 81 9D", r"reply to INPUT with 0 bytes of arguments .*should be value u32"),
+        ("D5 08 05 00 81 10 00 00 00 00 F7", "reply to INPUT with 5 bytes of arguments"),
         ("D5 07 FF FF 50 01 00 00 00 4A", "INPUT was answered with REPLY_INTERRUPT with tag 65535"),
     ],
 )
@@ -259,6 +265,14 @@ def test_a_packet_behind_noise_is_found_at_once(noise, payload):
     decoder = Decoder()
     assert decoder.feed(noise + frame(payload)) == [payload]
     assert decoder.skipped == len(noise)
+
+
+def test_a_length_that_the_board_never_sends_is_not_waited_for():
+    # 0C is one more than the longest reply, that to EXT_VER
+    assert Decoder().feed(bytes.fromhex("D5 0C D5 03 02 00 81 9D")) == [b"\x02\x00\x81"]
+    longer = frame(bytes(12))
+    assert Decoder().feed(longer) == []
+    assert Decoder(longest=12).feed(longer) == [bytes(12)]
 
 
 def test_a_packet_behind_a_false_header_is_found_when_waiting_ends():

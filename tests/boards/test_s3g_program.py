@@ -97,6 +97,10 @@ def test_pieces_that_touch_are_one_and_are_in_order():
     assert made.pieces() == [(0, [0xBF_00000000, 0x80_00000000])]
 
 
+def test_words_that_follow_each_other_need_no_org():
+    assert disassemble([(0, [0x80 << 32]), (1, [0x80 << 32])]) == "    NOP\n    NOP\n"
+
+
 def test_text_that_was_disassembled_comes_back_as_it_was():
     text = (
         ".org 5\n    OUTPUT J_VAL[0], -3\n    OUTPUT ASG_DT_VAL, 50000\n"

@@ -222,3 +222,6 @@ def test_the_table_of_a_terminal_says_everything(monkeypatch):
     assert "63 Loop-back Loop-back" in words
     assert "REPLY_INTERRUPT 0x50 pending u32 Report, with" in words
     assert "│ 31 │ 30 │ 29:24 │ 23:16 │ 15:0 │" in words
+    # the load control is too wide for one row
+    assert "│ 31:30 │ 29:24 │ 23:22 │ 21:16 │ 15:14 │" in words
+    assert "│ 13:8 │ 7:4 │ 3 │ 2 │ 1 │ 0 │" in words

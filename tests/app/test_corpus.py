@@ -26,7 +26,7 @@ def test_real_programs_pass_on_the_default_machine(name, corpus):
     assert result.passed, result.text()
 
 
-@pytest.mark.parametrize("name", cases(SHORT[:2], SHORT[2:] + LONG))
+@pytest.mark.parametrize("name", cases(SHORT, LONG))
 def test_real_programs_pass_on_pluto_step(name, corpus):
     result = Job.from_gcode(corpus / name).run(board="pluto_step")
     assert result.passed, result.text()

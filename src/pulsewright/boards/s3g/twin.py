@@ -125,14 +125,15 @@ class S3GTwin:
         **switches: int,
     ) -> None:
         self.switches = resolve_switches(MAP, profile, switches)
-        _check(channels, (baud1, baud2), ints_timer, prog_words)
-        self.profile, self.channels, self.bauds = profile, channels, (baud1, baud2)
+        bauds = (baud1, baud2)
+        _check(channels, bauds, ints_timer, prog_words)
+        self.profile, self.channels = profile, channels
         self.input_pins = INPUT_PINS
         self.output_pins = output_pins(channels) + (BUS_OUTPUTS if bus_pins else ())
         self._inputs = InputPins("s3g twin", INPUT_PINS, {})
         enables = tuple(f"mot{c}_enable" for c in range(channels))
         self._recorder = Recorder(self.output_pins, CLOCK_HZ, enables)
-        self._free = [0, 0]  # first cycle in which the host can start a byte
+        self._heard = np.zeros(uart.HEARD, np.uint8)  # what `receive` returns
 
         board = np.zeros(1, layout.BOARD)
         for name in layout.SWITCHES:
@@ -142,16 +143,10 @@ class S3GTwin:
         board["done"], board["wrote_at"] = -1, -NEVER
         board["rst_n"] = board["cclk"] = board["in_reset"] = 1
         board["ready_at"] = READY_CYCLES
-        ports = np.zeros(layout.PORTS, uart.PORT)
-        ports["step"], ports["limit"] = np.array(self.bauds) // BAUD_UNIT, BAUD_LIMIT
-        ports["clock_hz"], ports["baud"] = CLOCK_HZ, self.bauds
-        ports["level"] = 1
-        ports["idle"] = ports["valid"] = NEVER
-        ports["bit"] = uart.FRAME_BITS - 1
         self._s = layout.State(
             board,
             np.zeros(channels, CHANNEL),
-            ports,
+            uart.make_ports(CLOCK_HZ, [(baud, baud // BAUD_UNIT, BAUD_LIMIT) for baud in bauds]),
             np.zeros((layout.PORTS, FIRST_ROOM), np.int64),
             np.zeros((layout.PORTS, uart.HEARD), np.int64),
             np.zeros(prog_words, np.int64),
@@ -176,7 +171,7 @@ class S3GTwin:
         """
         if cycle < self.now:
             raise UsageError(f"s3g twin: advance to cycle {cycle}, but it is already {self.now}")
-        while not kernel.run(self._s, cycle):
+        while not kernel.run(self._s, cycle, 0, NEVER):
             self._grow()
 
     def drain(self, copy: bool = True) -> EdgeTrace:
@@ -225,21 +220,17 @@ class S3GTwin:
         UsageError
             If there is no such port, or the cycle is over or taken.
         """
-        n, board = self._port(port), self._s.board[0]
-        free = self._line_free(n)
+        n = self._port(port)
         if cycle is None:
-            ready = int(board["ready_at"])
-            cycle = max(free, ready) if board["in_reset"] and ready < NEVER else free
-        elif cycle < free:
+            cycle = 0
+        elif cycle < (free := kernel.line_free(self._s, n)):
             raise UsageError(
                 f"s3g twin: a byte on port {port} at cycle {cycle}; its line is free from cycle "
                 f"{free} on"
             )
         block = np.frombuffer(data, np.uint8)
-        while not kernel.send(self._s, n, block, cycle):
+        while (end := kernel.send(self._s, n, block, cycle)) < 0:
             self._make_room(n, uart.FRAME_BITS * len(block))
-        end = cycle - (-uart.FRAME_BITS * len(data) * CLOCK_HZ // self.bauds[n])
-        self._free[n] = end
         return end
 
     def receive(self, port: int, until: int | None = None, count: int = 1) -> bytes:
@@ -263,21 +254,16 @@ class S3GTwin:
             next call goes on with the newer ones.
         """
         n = self._port(port)
-        cycle = int(self._s.board["done"][0]) if until is None else until
-        while not kernel.run_until_heard(self._s, cycle, n, count):
+        cycle = -1 if until is None else until
+        while not kernel.run(self._s, cycle, n, count):
             self._grow()
-        serial, heard = self._s.ports[n], self._s.heard[n]
-        last = int(serial["taken"]) + kernel.heard(self._s, n)
-        lost = int(serial["sent"] - serial["taken"]) - uart.HEARD
-        if lost > 0:
-            serial["taken"] += lost
+        received = kernel.take_heard(self._s, n, self._heard)
+        if received < 0:
             raise BusError(
-                f"s3g twin: {lost} bytes from port {port} are lost, for a host can leave "
+                f"s3g twin: {-received} bytes from port {port} are lost, for a host can leave "
                 f"{uart.HEARD} unread; receive more often"
             )
-        data = bytes(heard[np.arange(int(serial["taken"]), last) % uart.HEARD].astype(np.uint8))
-        serial["taken"] = last
-        return data
+        return self._heard[:received].tobytes()
 
     # --------------------------------------------------------------------------------------- inputs
 
@@ -354,13 +340,6 @@ class S3GTwin:
             raise UsageError(f"s3g twin: serial port {port}; there are 1 (avr) and 2 (ext)")
         return port - 1
 
-    def _line_free(self, n: int) -> int:
-        """Return the first cycle in which a byte can start on a line."""
-        serial = self._s.ports[n]
-        tail = int(serial["tail"])
-        known = int(self._s.lines[n, tail - 1]) >> 1 if tail > int(serial["head"]) else -1
-        return max(self._free[n], int(self._s.board["done"][0]) + 1, known + 1)
-
     def _schedule_line(self, n: int, events: NDArray[np.int64]) -> None:
         serial = self._s.ports[n]
         line = self._s.lines[n, int(serial["head"]) : int(serial["tail"])]
@@ -368,6 +347,7 @@ class S3GTwin:
         changes = merged(known, events)
         self._make_room(n, len(changes))
         serial["head"], serial["tail"] = 0, len(changes)
+        serial["free"] = max(int(serial["free"]), int(changes[-1, 0]) + 1)
         self._s.lines[n, : len(changes)] = changes[:, 0] << 1 | changes[:, 2]
         kernel.lines_changed(self._s)
 

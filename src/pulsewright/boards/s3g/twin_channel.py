@@ -28,7 +28,7 @@ from pulsewright.boards.s3g.registers import (
     W_X_VAL_HI,
     W_X_VAL_LO,
 )
-from pulsewright.twin.kernel import inlined, kernel
+from pulsewright.twin.kernel import hot, inlined, kernel
 from pulsewright.twin.recorder import NEARLY_FULL, RESERVE, Rows, toggle
 
 FRACTION: Final = STEP_UNITS.bit_length() - 1  # the bit of the position that makes steps
@@ -39,15 +39,15 @@ SIGN: Final = 1 << 31
 # Profile: ``x`` .. ``target_set``, ``sv`` the velocity before the last acceleration step;
 # ``stepping``, the step register, and ``up``, the direction beside it. Pulse former: ``start``, the
 # cycle in which it took its last step, ``free``, the first one in which it takes the next; the step
-# pin is high from edge ``rise`` to edge ``fall``; ``step`` and ``direction`` are the pins before
-# edge ``tick``. ``position``, ``pulses`` and ``lost`` count steps taken with their sign, without
-# it, and steps that came too early.
+# pin is high from edge ``rise`` to edge ``fall``; ``step``, the pin before edge ``shown``, and
+# ``direction``, the one before edge ``tick``. ``position``, ``pulses`` and ``lost`` count steps
+# taken with their sign, without it, and steps that came too early.
 CHANNEL: Final = np.dtype(
     [
         (name, np.int64)
         for name in (
             *("tick", "x", "v", "a", "j", "jj", "sv", "target_v", "target_set"),
-            *("stepping", "up", "start", "free", "rise", "fall", "step", "direction"),
+            *("stepping", "up", "start", "free", "rise", "fall", "shown", "step", "direction"),
             *("position", "pulses", "lost"),
         )
     ]
@@ -80,9 +80,9 @@ def busy_cycles(times: Times) -> int:
 
 
 @kernel
-def show_pulse(channel: Any, begin: int, end: int, rows: Rows, row: int) -> None:
-    """Record the step pin at edges from ``begin`` up to, not including, ``end``."""
-    rise, fall = channel.rise, channel.fall
+def show_pulse(channel: Any, end: int, rows: Rows, row: int) -> None:
+    """Record the step pin at edges up to, not including, ``end``."""
+    begin, rise, fall = channel.shown, channel.rise, channel.fall
     if begin >= end:
         return
     level = 1 if rise <= begin < fall else 0
@@ -94,6 +94,7 @@ def show_pulse(channel: Any, begin: int, end: int, rows: Rows, row: int) -> None
         if begin < fall < end:
             toggle(rows, row, fall)
     channel.step = 1 if rise < end <= fall else 0
+    channel.shown = end
 
 
 @kernel
@@ -163,13 +164,28 @@ def advance(
             if steps:
                 channel.up = up
         elif channel.step or channel.fall > tick:
-            show_pulse(channel, tick, tick + cycles, rows, pins[0])
+            show_pulse(channel, end, rows, pins[0])
+        else:
+            channel.shown = end
         channel.x += cycles * (each + carry if doubled < 0 else each)
         channel.tick = tick + cycles
     return True
 
 
 @kernel
+def turn(
+    channel: Any, cycle: int, direction: int, times: Times, rows: Rows, pins: tuple[int, int]
+) -> None:
+    """Let the pulse former take a step in ``cycle``, after what it had to show before."""
+    show_pulse(channel, cycle + 1, rows, pins[0])
+    if channel.direction != direction:
+        channel.direction = direction
+        toggle(rows, pins[1], cycle)
+    channel.start, channel.free = cycle, cycle + busy_cycles(times) + 1
+    channel.rise, channel.fall = cycle + max(times.pre, 1), cycle + times.pulse
+
+
+@hot
 def make_steps(
     channel: Any,
     end: int,
@@ -198,49 +214,51 @@ def make_steps(
         As in `advance`.
     """
     tick = channel.tick
-    first, hold = max(times.pre, 1), busy_cycles(times)
+    if channel.stepping:
+        if channel.free <= tick:
+            turn(channel, tick, channel.up, times, rows, pins)
+            channel.pulses += 1
+            channel.position += 1 if channel.up else -1
+        else:
+            channel.lost += 1
     edges = rows.pins[pins[0]]
+    first, width, hold = max(times.pre, 1), times.pulse - max(times.pre, 1), busy_cycles(times)
     whole, rest = STEP_UNITS // stride, STEP_UNITS % stride  # not used where the stride is 0
-    shown = tick  # first edge of the step pin that is not recorded
-    number = 1 - channel.stepping
-    after, over = -number, 0  # cycles after ``tick``, -1 where not known; position then, past it
+    free, used, taken = channel.free, 0, 0
+    number, after, over = 1, -1, 0  # cycles after ``tick``, -1 if not known; position then, past it
     while number <= seen:
         if after < 0:
             distance = number * STEP_UNITS - part
             after = (distance + stride - 1) // stride
             over = after * stride - distance
         cycle = tick + after
-        if cycle < channel.free:
-            last = min((part + (channel.free - tick - 1) * stride) >> FRACTION, seen)
+        if cycle < free:
+            last = min((part + (free - tick - 1) * stride) >> FRACTION, seen)
             channel.lost += last - number + 1
             number, after = last + 1, -1
             continue
-        show_pulse(channel, shown, cycle + 1, rows, pins[0])
-        direction = up if number else channel.up
-        if channel.direction != direction:
-            channel.direction = direction
-            toggle(rows, pins[1], cycle)
-        channel.pulses += 1
-        channel.position += 1 if direction else -1
-        channel.start, channel.free = cycle, cycle + hold + 1
-        channel.rise, channel.fall = cycle + first, cycle + times.pulse
-        shown = cycle + 1
-        if channel.rise < channel.fall < end:
-            at = edges.first + edges.used
-            rows.cycles[at] = channel.rise
-            rows.cycles[at + 1] = channel.fall
-            edges.used += 2
-            shown = channel.fall + 1
-        if number == 0:
-            after = -1
-        elif rest > over:
-            after += whole + 1
-            over += stride - rest
-        else:
-            after += whole
-            over -= rest
+        if taken == 0:
+            turn(channel, cycle, up, times, rows, pins)
+            used = edges.first + edges.used
+        free = cycle + hold + 1
+        if 0 < width < end - cycle - first:
+            rows.cycles[used] = cycle + first
+            rows.cycles[used + 1] = cycle + first + width
+            used += 2
+        taken += 1
         number += 1
-    show_pulse(channel, shown, end, rows, pins[0])
+        late = 1 if rest > over else 0
+        after += whole + late
+        over += stride * late - rest
+    if taken:
+        edges.used = used - edges.first
+        channel.free, channel.start = free, free - hold - 1
+        channel.rise, channel.fall = channel.start + first, channel.start + first + width
+        # the last pulse may be whole, and then it is recorded
+        channel.shown = channel.fall + 1 if 0 < width < end - channel.rise else channel.start + 1
+        channel.pulses += taken
+        channel.position += taken if up else -taken
+    show_pulse(channel, end, rows, pins[0])
     if edges.room - edges.used < NEARLY_FULL:
         rows.full[0] = 1
 

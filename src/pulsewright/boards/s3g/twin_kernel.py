@@ -43,8 +43,8 @@ from pulsewright.boards.s3g.twin_state import (
     HALTED,
     IDLE,
     LEDS,
+    NO_ACTIONS,
     PORTS,
-    READY,
     REGISTERS,
     RST_N,
     STEP,
@@ -58,7 +58,7 @@ from pulsewright.boards.s3g.twin_state import (
 )
 from pulsewright.twin import uart
 from pulsewright.twin.clock import NEVER
-from pulsewright.twin.kernel import inlined, kernel
+from pulsewright.twin.kernel import hot, inlined, kernel
 from pulsewright.twin.recorder import drive
 
 MASK: Final = WORD - 1
@@ -69,7 +69,7 @@ CONTROL_CHANNELS: Final = 3  # in register 3; the next ones are in register 60
 # ----------------------------------------------------------------------------------------- channels
 
 
-@kernel
+@hot
 def advance_channel(s: State, c: int, end: int, moving: int) -> bool:
     """Run a channel up to cycle ``end``, not included; False if a buffer is full."""
     board = s.board[0]
@@ -80,7 +80,7 @@ def advance_channel(s: State, c: int, end: int, moving: int) -> bool:
     return done
 
 
-@kernel
+@hot
 def advance_all(s: State, end: int) -> bool:
     """Run all channels up to cycle ``end``, not included; False if a buffer is full."""
     done = True
@@ -138,7 +138,7 @@ def load(s: State, cycle: int) -> None:
     board.asg_at = next_hit(board, cycle + 1) if board.dt_limit else cycle + 1
 
 
-@kernel
+@hot
 def step(s: State, cycle: int) -> int:
     """Do what is due in ``cycle`` without a load; return the interrupts that it gives.
 
@@ -160,7 +160,8 @@ def step(s: State, cycle: int) -> int:
         sources = 1 << INT_ASG_ABORT
     for c in range(board.channels):
         channel = s.channels[c]
-        advance_channel(s, c, cycle + 1, 1)
+        if channel.tick <= cycle:
+            advance_channel(s, c, cycle + 1, 1)
         if board.asg_state == ABORTING:
             motion.brake(channel, motion.signed(board.outputs[W_ABORT_A_VAL[c]]))
         else:
@@ -216,7 +217,7 @@ def leave_reset(s: State, cycle: int) -> None:
     board.ready_at = NEVER
     board.dt_origin = board.se_free = cycle
     for c in range(board.channels):
-        s.channels[c].tick = cycle
+        s.channels[c].tick = s.channels[c].shown = cycle
     for n in range(PORTS):
         uart.receiver_reset(s.ports[n], s.lines[n], cycle)
 
@@ -244,7 +245,7 @@ def take_pins(s: State, cycle: int) -> None:
 # ------------------------------------------------------------------------------------- edge by edge
 
 
-@kernel
+@hot
 def next_event(s: State) -> int:
     """Return the first cycle after ``done`` in which something happens by itself."""
     board = s.board[0]
@@ -255,21 +256,11 @@ def next_event(s: State) -> int:
         return int(first)
     first = min(first, s.ports[0].valid, s.ports[1].valid, board.timeout_at, board.send_at)
     first = min(first, board.strobes_at, board.times_at, board.be_at, board.asg_at)
-    if board.se_state == READY:
-        packet = board.packet_at
-        if board.req_queue:
-            packet = max(packet, board.se_free)
-        first = min(first, packet)
-        if protocol.reports(board):
-            first = min(first, max(board.se_free, board.timer_at))
-    else:
-        first = min(first, board.se_at)
-        if board.req_queue == 0:
-            first = min(first, board.packet_at)
-    return int(max(first, board.done + 1))
+    board.host_at = protocol.next_event(board)
+    return int(max(min(first, board.host_at), board.done + 1))
 
 
-@kernel
+@hot
 def edge(s: State, cycle: int) -> bool:
     """Do all that happens in ``cycle``; False if a buffer is full."""
     board = s.board[0]
@@ -279,8 +270,11 @@ def edge(s: State, cycle: int) -> bool:
     loads = strobes >> STB_ASG_LOAD & 1 == 1
     steps = board.asg_at == cycle and not loads
     resets = board.reset_at == cycle
-    moves = loads or steps or resets or board.times_at == cycle
-    if moves and (not advance_all(s, cycle) or s.rows.full[0]):
+    retimes = board.times_at == cycle
+    # after loads and other thresholds channels move once more in this cycle, and then cannot stop
+    if (loads or resets or retimes) and (not advance_all(s, cycle) or s.rows.full[0]):
+        return False
+    if steps and not retimes and not advance_all(s, cycle + 1):
         return False
     if board.ready_at == cycle:
         leave_reset(s, cycle)
@@ -292,14 +286,17 @@ def edge(s: State, cycle: int) -> bool:
     return True
 
 
-@kernel
+@hot
 def run_blocks(s: State, cycle: int, strobes: int, loads: bool, steps: bool) -> None:
     """Run all blocks through ``cycle``; where they move, the channels must stand there."""
     board = s.board[0]
     if board.times_at == cycle:
         change_times(s, cycle)
-    by_host = protocol.execute(s, cycle)
-    by_program = program.execute(s, cycle, strobes, by_host.register >= 0)
+    by_host = by_program = NO_ACTIONS
+    if board.host_at <= cycle:
+        by_host = protocol.execute(s, cycle)
+    if board.be_at == cycle or strobes:
+        by_program = program.execute(s, cycle, strobes, by_host.register >= 0)
     sources = by_program.sources
     if strobes >> STB_SE_INT_LB & 1:
         sources |= 1 << INT_SE_INT_LB
@@ -334,32 +331,20 @@ def run_blocks(s: State, cycle: int, strobes: int, loads: bool, steps: bool) -> 
 
 
 @kernel
-def run(s: State, cycle: int) -> bool:
-    """Do all cycles through ``cycle``, pins of channels and ports excepted; False: buffer full."""
-    board = s.board[0]
-    while board.next_event <= cycle:
-        board.next_event = next_event(s)
-        if board.next_event > cycle:
-            break
-        if not edge(s, board.next_event):
-            return False
-        board.done = board.next_event
-    board.done = max(board.done, cycle)
-    return True
+def run(s: State, cycle: int, port: int, count: int) -> bool:
+    """Do all cycles through ``cycle``, or until the host has ``count`` bytes from ``port``.
 
-
-@kernel
-def run_until_heard(s: State, cycle: int, port: int, count: int) -> bool:
-    """Do all cycles through ``cycle``, or until the host has ``count`` bytes; False as `run`."""
+    Pins of channels and ports stay behind, see `settle`. False if a buffer is full.
+    """
     board, serial = s.board[0], s.ports[port]
     while True:
         end = cycle
         if serial.sent - serial.taken >= count:
             end = min(end, s.heard[port, (serial.taken + count - 1) % uart.HEARD] >> 8)
-        end = max(end, board.done)
-        board.next_event = next_event(s)
+        if board.next_event <= end:
+            board.next_event = next_event(s)
         if board.next_event > end:
-            board.done = end
+            board.done = max(board.done, end)
             return True
         if not edge(s, board.next_event):
             return False
@@ -379,10 +364,25 @@ def settle(s: State) -> bool:
 
 
 @kernel
-def send(s: State, port: int, data: Any, start: int) -> bool:
-    """Put bytes on a serial input from ``start`` on; False, and nothing done, without room."""
-    s.board[0].next_event = 0
-    return uart.send(s.ports[port], s.lines[port], data, start)
+def line_free(s: State, port: int) -> int:
+    """Return the first cycle in which a byte can start on a serial input."""
+    return int(max(s.ports[port].free, s.board[0].done + 1))
+
+
+@kernel
+def send(s: State, port: int, data: Any, start: int) -> int:
+    """Put bytes on a serial input from ``start`` on, but not before it is free.
+
+    If the board is in reset and nothing but time keeps it there, they wait for the end of that.
+    Return the first cycle in which more can start, or -1, and nothing done, if there is no room.
+    """
+    board = s.board[0]
+    start = max(start, line_free(s, port))
+    if board.in_reset and board.ready_at < NEVER:
+        start = max(start, board.ready_at)
+    board.next_event = 0
+    done = uart.send(s.ports[port], s.lines[port], data, start)
+    return int(s.ports[port].free) if done else -1
 
 
 @kernel
@@ -394,6 +394,6 @@ def lines_changed(s: State) -> None:
 
 
 @kernel
-def heard(s: State, port: int) -> int:
-    """Count the bytes that the host has received and not taken yet."""
-    return uart.heard_through(s.ports[port], s.heard[port], s.board[0].done)
+def take_heard(s: State, port: int, data: Any) -> int:
+    """Take the bytes that the host has received; see `uart.take_heard`."""
+    return uart.take_heard(s.ports[port], s.heard[port], s.board[0].done, data)

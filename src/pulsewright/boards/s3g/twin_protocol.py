@@ -252,10 +252,20 @@ def has_request(board: Any, cycle: int) -> bool:
 
 
 @inlined
-def reports(board: Any) -> bool:
-    """Tell whether an interrupt is to be reported."""
-    wanted: bool = board.pending & board.mask != 0
-    return wanted
+def reports_from(board: Any) -> int:
+    """Return the cycle from which on the executor, if ready, reports an interrupt."""
+    return int(board.timer_at if board.pending & board.mask else NEVER)
+
+
+@inlined
+def next_event(board: Any) -> int:
+    """Return the cycle in which the executor, if nothing else happens, acts next."""
+    packet = board.packet_at
+    if board.se_state == READY:
+        if board.req_queue:
+            packet = max(packet, board.se_free)
+        return int(min(packet, max(board.se_free, reports_from(board))))
+    return int(min(board.se_at, NEVER if board.req_queue else packet))
 
 
 @kernel
@@ -266,7 +276,7 @@ def execute(s: State, cycle: int) -> Actions:
         if has_request(board, cycle):
             board.packet_at = NEVER
             return decide(s, cycle)
-        if reports(board) and board.timer_at <= cycle:
+        if reports_from(board) <= cycle:
             begin_reply(board, REPORT_TAG, REPLY_INTERRUPT)
             add(board, board.pending, 4)
             board.reply_ports = BOTH

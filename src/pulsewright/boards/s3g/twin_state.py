@@ -68,8 +68,9 @@ BOARD: Final = np.dtype(
     [
         (name, np.int64)
         for name in (
-            # last edge done, no event comes before, head of the queue of pin changes
-            *("done", "next_event", "head"),
+            # last edge done; no event comes before, nor of the command executor; head of the queue
+            # of pin changes
+            *("done", "next_event", "host_at", "head"),
             *("channels", "words", "ints_timer", "bus_pins", *SWITCHES),
             # pins; reset: first cycle of it, and first cycle after it
             *("rst_n", "cclk", "in_reset", "reset_at", "ready_at"),

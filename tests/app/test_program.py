@@ -42,6 +42,7 @@ def test_a_program_is_shown_with_its_addresses_and_words(write):
             {"address": 1, "word": 0xBF_00000007, "text": "DONE 7", "line": 2},
         ],
         "findings": [],
+        "simulation": None,
     }
 
 
@@ -66,6 +67,47 @@ def test_what_cannot_be_read_is_explained(write, tmp_path):
     for channels in (0, 7):
         with pytest.raises(UsageError, match=rf"{channels} channels; a board has 1\.\.6"):
             program.run(write(GOOD), channels=channels)
+
+
+# 100 steps of 256 cycles each: 65536 units at 256 units a cycle. The pulse takes 100 of them.
+MOVE = """
+    OUTPUT MSG_ALL_PRE_N, 10
+    OUTPUT MSG_ALL_PULSE_N, 60
+    OUTPUT MSG_ALL_POST_N, {post}
+    OUTPUT ASG_STEPS_VAL, 1
+    OUTPUT ASG_DT_VAL, 25600
+    OUTPUT V_VAL[0], -256
+    OUTPUT ASG_CONTROL, STEPS_LIMIT | DT_LIMIT | RESET_STEPS | RESET_DT | SET_X[0] | SET_V[0]
+    OUTPUT X_VAL_LO[0], 0
+    STB ASG_LOAD
+    OUTPUT V_VAL[0], 0
+    WAIT_ALL ASG_DONE
+    CLEAR ASG_DONE
+    STB ASG_LOAD
+    DONE 9
+"""
+
+
+def test_a_program_can_be_simulated(write):
+    done = program.run(write(MOVE.format(post=100)), seconds=1.0).simulation
+    assert done.passed
+    assert done.ended == "ended at address 13 with code 9"
+    # down from 0 the first crossing comes at once; 6 cycles more at the old speed reach no other
+    assert done.channels[0] == program.Channel(steps=-101, lost=0, rate=0.0)
+    assert done.channels[1] == program.Channel(steps=0, lost=0, rate=0.0)
+
+
+def test_a_simulation_shows_lost_steps_and_programs_that_hang(write):
+    report = program.run(write(MOVE.format(post=300)), seconds=1.0)  # every other step is lost
+    assert not report.passed
+    assert (report.simulation.channels[0].steps, report.simulation.channels[0].lost) == (-51, 50)
+    assert "-51 steps, 50 lost" in report.text()
+    report = program.run(write("OUTPUT LEDS, 1\nWAIT_ALL ASG_DONE\nDONE 0"), seconds=0.01)
+    assert not report.passed
+    assert report.simulation.ended == "still at address 1: WAIT_ALL ASG_DONE"
+    assert report.simulation.seconds == pytest.approx(0.01)
+    with pytest.raises(UsageError, match="0 s"):
+        program.run(write(GOOD), seconds=0)
 
 
 @pytest.mark.parametrize(("text", "code"), [(GOOD, 0), ("WAIT_ANY 0\nDONE 0", 1), ("JUMP 0", 2)])

@@ -104,12 +104,15 @@ def program(
         Path, typer.Argument(metavar="FILE", help="Program text for the executor of an s3g board.")
     ],
     channels: Annotated[int | None, typer.Option(help="Channels of the board; default 2.")] = None,
+    simulate: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Run it on a twin, for so long at most.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Assemble and check a program that an s3g board runs by itself; exit 0 only without errors."""
+    """Assemble, check and simulate a program that an s3g board runs; exit 0 only without errors."""
     from pulsewright.app import program as program_module
 
-    result = program_module.run(file, channels=channels)
+    result = program_module.run(file, channels=channels, seconds=simulate)
     if as_json:
         _print_json(result.summary())
     else:

@@ -59,7 +59,8 @@ class AccelerationSteps(Component):
     def elaborate(self, platform: object) -> Module:
         m = Module()
         steps_limit, dt_limit = Signal(32), Signal(32)
-        next_steps, next_dt = Signal(32), Signal(32)
+        # One more than the counters, so that nothing is added before a comparison.
+        next_steps, next_dt = Signal(32, init=1), Signal(32, init=1)
         hit = Signal()
         with m.FSM() as fsm:
             with m.State("IDLE"), m.If(self.load):
@@ -84,12 +85,13 @@ class AccelerationSteps(Component):
                 with m.Else():
                     m.d.comb += [self.step.eq(hit), self.abort.eq(1)]
 
+        with m.If(self.done):
+            m.d.sync += self.aborting.eq(1)
+        with m.Elif(self.load):
+            m.d.sync += self.aborting.eq(0)
         in_abort = fsm.ongoing("ABORT")
         limit = dt_limit if self._latched else Mux(in_abort, self.dt_value, dt_limit)
         m.d.comb += [
-            self.aborting.eq(in_abort | fsm.ongoing("WAIT")),
-            next_steps.eq(self.steps + 1),
-            next_dt.eq(self.dt + 1),
             hit.eq(next_dt >= limit),
         ]
         with m.If(self.load & self.set_steps):
@@ -97,12 +99,12 @@ class AccelerationSteps(Component):
         with m.If(self.load & self.set_dt):
             m.d.sync += dt_limit.eq(self.dt_value)
         with m.If(self.load & self.reset_steps):
-            m.d.sync += self.steps.eq(0)
+            m.d.sync += [self.steps.eq(0), next_steps.eq(1)]
         with m.Elif(self.step):
-            m.d.sync += self.steps.eq(next_steps)
-        m.d.sync += self.dt.eq(next_dt)
+            m.d.sync += [self.steps.eq(next_steps), next_steps.eq(next_steps + 1)]
+        m.d.sync += [self.dt.eq(next_dt), next_dt.eq(next_dt + 1)]
         with m.If(self.step | self.load & self.reset_dt):
-            m.d.sync += self.dt.eq(0)
+            m.d.sync += [self.dt.eq(0), next_dt.eq(1)]
         return m
 
 
@@ -162,25 +164,30 @@ class ProfileGenerator(Component):
         # lasts until the next load, before which no other step than those of an abort can come.
         target, has_target = Signal(32), Signal()
         limit = values[ABORT_A]
-
         equal = Signal()
-        above = Signal()  # v >= target, or in an abort v > limit
-        m.d.comb += [
-            equal.eq(v == target),
-            above.eq(_at_least(v, Mux(self.aborting, limit, target), strictly=self.aborting)),
-        ]
-        slow_down = Signal()  # subtract the limit from v
-        m.d.comb += slow_down.eq(self.aborting & above)
-        change = Mux(self.aborting, limit ^ slow_down.replicate(32), a)
-        moved = _sum(v, change, slow_down)  # v of the next step, unless it is at or past target
-        # Strictly past: compared downwards for "target > moved", upwards for "target >= moved".
-        past = _at_least(target, moved[:32], strictly=above) ^ ~above
+        m.d.comb += equal.eq(v == target)
+
+        # Velocities of the next step, if nothing is special, or in an abort if v > limit.
+        faster = _sum(v, Mux(self.aborting, limit, a))
+        slower = v.as_signed() - Mux(self.aborting, limit, target).as_signed()
+        above = ~slower[32]  # v >= target, or in an abort v >= limit
+
+        # Both comparisons are there for both directions, as the direction is known late.
+        not_below = _at_least(target, faster[:32])
+        beyond = _at_least(target, faster[:32], strictly=True)
+        past = has_target & (equal | Mux(above, beyond, ~not_below))
+
+        # In an abort. v = limit > 0 is taken as v > limit, which comes to the same.
+        exactly_negative = limit[31] & (v == limit)
+        slows = self.aborting & above & ~equal & ~exactly_negative
+        stops = self.aborting & (equal | ~above & ~faster[32])
+        goes_on = self.aborting & ~equal & Mux(above, exactly_negative, faster[32])
         reached = Signal()
-        m.d.comb += reached.eq(equal | Mux(self.aborting, ~above & ~moved[32], past & has_target))
-        with m.If(~self.aborting & ~has_target):
-            m.d.comb += reached.eq(0)
-        remaining = Signal(32)  # target - v, or the limit with a sign
-        m.d.comb += remaining.eq(target - Mux(slow_down & ~equal, limit, v))
+        m.d.comb += reached.eq(~self.aborting & past | stops)
+        # What is left to the target, or -limit if v > limit. Where the limit is negative, v reaches
+        # 0 only from 0, which is seen to below.
+        negate = self.aborting & (above | limit[31])
+        remaining = (target - Mux(negate, limit, v))[:32]
 
         set_v, set_a, set_j, set_jj, set_target = (
             loads[n]
@@ -199,16 +206,13 @@ class ProfileGenerator(Component):
         with m.Elif(set_v):
             m.d.sync += twice.eq(1)
         with m.If(self.step | set_v):
-            m.d.sync += v.eq(Mux(set_v, values[V], Mux(reached, target, moved[:32])))
-        rest = reached | slow_down
+            which = Cat(reached | set_v, slows | set_v)
+            m.d.sync += v.eq(_choose(m, which, faster, target, slower, values[V]))
         with m.If(self.step | set_a):
-            m.d.sync += a.eq(
-                Mux(
-                    set_a | rest,
-                    Mux(set_a, values[A], remaining),
-                    Mux(self.aborting, limit, a + j),
-                )
-            )
+            which = Cat(goes_on | set_a, reached | slows | set_a)
+            m.d.sync += a.eq(_choose(m, which, a + j, limit, remaining, values[A]))
+        with m.If(self.step & self.aborting & equal):
+            m.d.sync += a.eq(0)
         with m.If(self.step | set_j):
             m.d.sync += j.eq(Mux(set_j, values[J], j + jj))
         with m.If(set_jj):
@@ -227,7 +231,7 @@ class ProfileGenerator(Component):
         x, loaded = Signal(STEP_BIT), Signal()
         moved_x = Signal(STEP_BIT + 1)
         set_x = loads[registers.SET_X]
-        m.d.comb += moved_x.eq(total[1 : STEP_BIT + 2] + Mux(loaded, values[X_LOW], x))
+        m.d.comb += moved_x.eq(_sum(total[1 : STEP_BIT + 2], Cat(Mux(loaded, values[X_LOW], x), 0)))
         m.d.sync += [
             x.eq(moved_x),
             loaded.eq(set_x),
@@ -284,13 +288,32 @@ class PulseFormer(Component):
         return m
 
 
-def _sum(a: Value, b: Value, carry: Value) -> Value:
-    """Return the signed sum of two numbers of 32 bits and a carry, in 33 bits."""
-    a, b = Cat(a, a[31]), Cat(b, b[31])
-    return (Cat(Const(1, 1), a) + Cat(carry, b))[1:34]
+def _choose(m: Module, which: Value, *choices: Value) -> Signal:
+    """Return one of four words of 32 bits, in the shape that fits one 6-input LUT per bit."""
+    select, word = Signal(2), Signal(32)
+    m.d.comb += select.eq(which)
+    with m.Switch(select):
+        for n, choice in enumerate(choices):
+            with m.Case(n):
+                m.d.comb += word.eq(choice)
+    return word
 
 
-def _at_least(a: Value, b: Value, strictly: Value) -> Value:
-    """Return whether a >= b, or a > b where ``strictly``; signed numbers of 32 bits."""
+# What can be carried into a sum is written as the lowest bit of a longer one. Sums are differences,
+# as then the first operand alone reaches the carry chain itself, and what selects the second one
+# shares a LUT with the sum.
+
+
+def _sum(a: Value, b: Value) -> Value:
+    """Return the sum of two numbers of as many bits; its sign if they are signed."""
+    a, b = Cat(a, a[-1]), ~Cat(b, b[-1])
+    return (Cat(Const(0, 1), a) - Cat(Const(1, 1), b))[1 : len(a) + 1]
+
+
+def _at_least(a: Value, b: Value, strictly: bool = False) -> Value:
+    """Return whether a >= b, or with ``strictly`` a > b; signed numbers of 32 bits.
+
+    It is the borrow of a - b: a single one, as carry chains are fast while nothing looks inside.
+    """
     a, b = Cat(a[:31], ~a[31]), Cat(b[:31], ~b[31])
-    return (Cat(Const(1, 1), a) + Cat(~strictly, ~b))[33]
+    return ~(Cat(Const(0, 1), a) - Cat(Const(strictly, 1), b))[33]

@@ -24,6 +24,7 @@ STROBES: Final = (
 )
 OPCODE_LSB: Final = registers.PROG_OPCODE_LSB
 CLASS_LSB: Final = registers.PROG_CLASS_LSB
+STORED_BITS: Final = CLASS_LSB + 4  # a word with its marks
 
 
 def picked(word: Value, bits: tuple[int, ...]) -> Value:
@@ -34,6 +35,25 @@ def picked(word: Value, bits: tuple[int, ...]) -> Value:
 def placed(value: Value, bits: tuple[int, ...]) -> Value:
     """Return a word of 32 bits with the bits of a value at these places."""
     return Cat(value[bits.index(bit)] if bit in bits else Const(0, 1) for bit in range(32))
+
+
+def stored(word: Value) -> Value:
+    """Return a word of a program with two marks: how it is in program memory.
+
+    They are what takes many bits to know, and would be known late if it were found out only when a
+    word is executed: that it needs an interrupt that is not there, and that the program goes on
+    after it. A word that is 0 has marks that are 0.
+    """
+    kind, opcode = word[CLASS_LSB:], word[OPCODE_LSB:CLASS_LSB]
+    others = Cat(word[bit] for bit in range(OPCODE_LSB) if bit not in INTERRUPTS).any()
+    goes_on = (kind == registers.CLASS_OUTPUT) | (kind == registers.CLASS_CONTROL) & opcode.matches(
+        registers.OP_NOP,
+        registers.OP_STB,
+        registers.OP_WAIT_ALL,
+        registers.OP_WAIT_ANY,
+        registers.OP_CLEAR,
+    )
+    return Cat(word, others, goes_on)
 
 
 class Interrupts(Component):
@@ -112,8 +132,8 @@ class ProgramExecutor(Component):
         Where a program starts.
     pc : Out(16)
         Address of the word in ``word`` one cycle later.
-    word : In(40)
-        From program memory.
+    word : In(42)
+        From program memory, see `stored`.
     pending : In(4)
         Interrupts.
     stall : In(1)
@@ -135,7 +155,7 @@ class ProgramExecutor(Component):
                 "abort": In(1),
                 "first": In(16),
                 "pc": Out(16),
-                "word": In(CLASS_LSB + 2),
+                "word": In(STORED_BITS),
                 "pending": In(len(INTERRUPTS)),
                 "stall": In(1),
                 "write": Out(1),
@@ -150,7 +170,8 @@ class ProgramExecutor(Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        opcode, kind = self.word[OPCODE_LSB:CLASS_LSB], self.word[CLASS_LSB:]
+        opcode, kind = self.word[OPCODE_LSB:CLASS_LSB], self.word[CLASS_LSB : CLASS_LSB + 2]
+        others, goes_on = self.word[-2], self.word[-1]
         error, busy, waiting = Signal(8), Signal(), Signal()
         m.d.comb += [
             self.address.eq(opcode),
@@ -158,41 +179,36 @@ class ProgramExecutor(Component):
             self.status.eq(Cat(self.pc, error, Const(0, 6), waiting, busy)),
         ]
         wanted = picked(self.value, INTERRUPTS)
-        others = Cat(self.value[bit] for bit in range(32) if bit not in INTERRUPTS).any()
 
         run, decode = Signal(), Signal()  # a program runs; its word is there
         execute = decode & ~self.abort
-        passed, wait, stop = Signal(), Signal(), Signal()
-        m.d.comb += passed.eq(1)
-        with m.If(kind == registers.CLASS_OUTPUT):
-            m.d.comb += [self.write.eq(execute), passed.eq(~self.stall)]
-        with m.Elif(kind == registers.CLASS_CONTROL), m.Switch(opcode):
-            with m.Case(registers.OP_NOP):
-                pass
-            with m.Case(registers.OP_STB):
-                m.d.comb += self.strobe.eq(execute)
-            with m.Case(registers.OP_WAIT_ALL):
-                m.d.comb += wait.eq((wanted & ~self.pending).any() | others)
-            with m.Case(registers.OP_WAIT_ANY):
-                m.d.comb += wait.eq(~(wanted & self.pending).any())
-            with m.Case(registers.OP_CLEAR):
-                m.d.comb += self.clear.eq(execute)
-            with m.Default():
-                m.d.comb += stop.eq(1)
-        with m.Else():
-            m.d.comb += stop.eq(1)
+        control = kind[1]  # unless the program stops
+        wait_all = control & (opcode[:3] == registers.OP_WAIT_ALL)
+        wait_any = control & (opcode[:3] == registers.OP_WAIT_ANY)
+        wait = Signal()
+        m.d.comb += [
+            wait.eq(
+                wait_all & ((wanted & ~self.pending).any() | others)
+                | wait_any & ~(wanted & self.pending).any()
+            ),
+            self.write.eq(execute & goes_on & ~control),
+            self.strobe.eq(execute & goes_on & control & (opcode[:3] == registers.OP_STB)),
+            self.clear.eq(execute & goes_on & control & (opcode[:3] == registers.OP_CLEAR)),
+            self.complete.eq(execute & ~goes_on),
+        ]
         done = (kind == registers.CLASS_CONTROL) & (opcode == registers.OP_DONE)
-        m.d.comb += self.complete.eq(execute & stop)
 
         m.d.sync += [busy.eq(run), decode.eq(run & ~decode)]
         with m.If(decode):
-            m.d.sync += [waiting.eq(wait), error.eq(Mux(wait, registers.BE_WAITING, 0))]
-            with m.If(stop):
+            m.d.sync += [waiting.eq(0), error.eq(registers.BE_RUNNING)]
+            with m.If(~goes_on):
                 m.d.sync += [
                     run.eq(0),
                     error.eq(Mux(done, self.value[:8], registers.BE_ILLEGAL)),
                 ]
-            with m.Elif(wait | ~passed):
+            with m.Elif(wait):
+                m.d.sync += [decode.eq(1), waiting.eq(1), error.eq(registers.BE_WAITING)]
+            with m.Elif(~control & self.stall):
                 m.d.sync += decode.eq(1)
             with m.Else():
                 m.d.sync += self.pc.eq(self.pc + 1)

@@ -7,6 +7,7 @@ from pulsewright.boards.s3g.packets import frame
 from pulsewright.boards.s3g.twin import S3GTwin
 from pulsewright.edges.trace import concatenate
 from pulsewright.errors import BusError, UsageError
+from pulsewright.transport.serial_bus import VirtualSerialBus
 
 BIT = 16  # cycles, in the setting `fast`
 FAST = {"baud1": 3_125_000, "baud2": 3_125_000, "ints_timer": 20_000}
@@ -34,7 +35,6 @@ class Host:
 
     def send(self, data, port=1, cycle=None):
         """Send bytes; return t, the cycle in which the start bit of the last one begins."""
-        cycle = self.twin.now + 1 if cycle is None else cycle
         return self.twin.send(port, bytes.fromhex(data), cycle) - 10 * BIT
 
     def ask(self, data, port=1):
@@ -527,3 +527,198 @@ def test_negative_positions_have_their_upper_half_in_the_robust_profile():
         host.twin.advance(host.strobe(1) + 1000)
         assert host.twin.state()["x"][0] % 2**32 == 2**32 - 1000
         assert host.twin.state()["x"][0] >> 32 == (upper - 1)
+
+
+# --------------------------------------------------------------- section 6, what profiles differ in
+
+ERROR = frame(bytes([7, 0, 0x80])).hex()  # reply to a request with tag 7
+WRONG = frame(bytes([1, 0, 0x80])).hex()
+
+
+def test_6_the_next_packet_stops_a_copy_in_the_exact_profile():
+    """Its length byte is valid 320 cycles behind the checksum, in the fifth cycle of word 53."""
+    words = frame(bytes([7, 0, 65, 200, 0x34, 0x12])).hex()
+    host = Host()
+    t = host.send(words)
+    host.send("d503")
+    host.advance(t + 4000)
+    # R = t + 157, done = R + 1: the fifth cycle of word k is done + 5 + 6 k, its valid bit is gone
+    # from R + 321 on, so k = 53: 323; hand-over of the reply at done + 7 + 6 k, a cycle ahead
+    at, packet = host.sent(since=t)[0]
+    assert at == t + 157 + 1 + 7 + 6 * 53 + 1
+    assert packet == frame(bytes([0, 0, 0x82, 0x34, 0x12, 0, 0, 0])).hex()
+
+
+def test_6_in_the_robust_profile_the_copy_is_not_disturbed():
+    host = Host("robust")
+    payload = bytes([7, 0, 65, 49, 0x34, 0x12]) + bytes(5 * 49)
+    t = host.send(frame(payload).hex())
+    host.send("d503")
+    host.advance(t + 4000)
+    assert host.sent(since=t) == [
+        (t + 161 + 6 * 49, frame(bytes([7, 0, 0x81, 0x34, 0x12, 0, 0, 0])).hex())
+    ]
+
+
+def test_9_the_length_of_steps_in_an_abort_is_live_or_that_of_the_last_load():
+    for latched, steps in ((0, 10), (1, 2)):
+        host = Host(abort_dt_latched=latched)
+        host.write(r1=1, r2=5000, r3=0xF)
+        start = host.strobe(1)
+        host.advance(start + 10_001)  # done at 5000, in abort from 10000 on
+        host.write(r2=1000)
+        host.twin.advance(start + 10_001 + 10_000)
+        before = host.twin.state()["steps"]
+        host.twin.advance(host.twin.now + 10_000)
+        assert host.twin.state()["steps"] - before == steps
+
+
+def test_13_a_truncated_packet_holds_the_receiver_or_is_given_up():
+    cut = "d508"
+    exact = Host()
+    exact.send(cut)
+    exact.advance(exact.twin.now + 100_000)
+    exact.send(VERSION)
+    exact.advance(exact.twin.now + 4000)
+    assert exact.sent() == []
+    # one cycle decides: the valid pulse of the next byte in the last cycle, or behind it
+    for late, answers in ((0, []), (1, ["d505010081bace34"])):
+        host = Host("robust", rx_timeout=5000)
+        t = host.send(cut)
+        host.send(VERSION, cycle=t + 5000 + late)
+        host.advance(t + 12_000)
+        assert [packet for _, packet in host.sent()] == answers
+
+
+@pytest.mark.parametrize("size", [0, 1, 2])
+def test_14_packets_without_a_command_are_an_error(size):
+    host = Host("robust")
+    payload = bytes([7, 0][:size])
+    t, answer = host.ask("d500" + "00" if size == 0 else raw_frame(payload))
+    assert answer == (ERROR if size else frame(bytes([0, 0, 0x80])).hex())
+    assert host.sent(since=t)[0][0] == t + 161
+
+
+def raw_frame(payload):
+    """Return a packet that may be too short to be one."""
+    long = frame(payload + bytes(3 - len(payload)))  # zeros, of which the checksum is made anew
+    crc = 0
+    for byte in payload:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x8C if crc & 1 else 0)
+    return (long[:1] + bytes([len(payload)]) + payload + bytes([crc])).hex()
+
+
+def test_14_in_the_exact_profile_length_0_takes_256_bytes():
+    host = Host()
+    crc = frame(bytes(255))[-1]  # of zeros: 0, however many
+    assert crc == 0
+    host.send("d500" + "00" * 255)
+    host.advance(host.twin.now + 50_000)
+    assert host.sent() == []
+    t = host.send("00" + "00")
+    host.advance(t + 4000)
+    assert host.sent() == [(t + 161, frame(bytes([0, 0, 0x81])).hex())]
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        bytes([7, 0, 60, 0, 255, 0, 0]),
+        bytes([7, 0, 61]),
+        bytes([7, 0, 62, 0, 0, 0]),
+        bytes([7, 0, 63, 0, 0, 0]),
+        bytes([7, 0, 64, 0, 0, 0]),
+        bytes([7, 0, 65, 0, 0]),
+        bytes([7, 0, 65, 1, 0, 0, 1, 2, 3, 4]),
+    ],
+)
+def test_15_missing_arguments_are_an_error(payload):
+    host = Host("robust")
+    assert host.ask(frame(payload).hex())[1] == ERROR
+    assert host.twin.state()["outputs"][0] == 0
+    assert host.ask(frame(payload + bytes(1)).hex())[1][8:10] == "81"
+    exact = Host()
+    assert exact.ask(frame(payload).hex())[1][8:10] == "81"
+
+
+def test_16_a_request_during_a_reply_is_lost_or_held():
+    """The first reply has 6 bytes of 164 cycles; its executor decides again 4 cycles behind it."""
+    for profile, answers in (("exact", 1), ("robust", 2)):
+        host = Host(profile)
+        t = host.send(LEDS_A5)
+        host.send(VERSION[:-2] + "aa")  # over 960 cycles later; a wrong checksum waits, too
+        host.advance(t + 8000)
+        sent = host.sent(since=t)
+        assert [packet for _, packet in sent] == ["d5030200819d", WRONG][:answers]
+        assert host.edges("led0", 1) == [t + 159]
+    # the line falls at t + 161 + 5 * 164 for the last byte, whose done pulse is 160 cycles later
+    assert sent[1][0] == t + 161 + 5 * 164 + 160 + 4 + 3
+
+
+def test_16_a_third_request_in_flight_is_lost():
+    host = Host("robust")
+    t = host.send(VERSION)
+    host.send(VERSION)
+    host.send(VERSION)
+    host.advance(t + 12_000)
+    assert len(host.sent(since=t)) == 2
+
+
+def test_17_replies_go_to_the_port_that_asked_at_its_own_pace():
+    twin = S3GTwin("robust")  # port 2 is 4.3 times slower
+    twin.send(1, bytes.fromhex(VERSION))
+    start = twin.now
+    assert twin.receive(1, 200_000, count=8).hex() == "d505010081bace34"
+    assert twin.now - start < 1024 + 8 * 1000 + 8 * 1010
+    twin.advance(twin.now + 100_000)
+    assert twin.receive(2) == b""
+    twin.send(1, frame(bytes([1, 0, 62, 0, 0, 0, 128])))  # strobe 31 gives interrupt 31
+    report = frame(bytes.fromhex("ffff5000000080")).hex()
+    assert twin.receive(1, twin.now + 200_000, count=16).hex() == OK + report
+    assert twin.receive(2, twin.now + 200_000, count=10).hex() == report
+
+
+def test_a_driver_on_a_virtual_link_waits_exactly():
+    host = Host()
+    bus = VirtualSerialBus(host.twin, port=2)
+    bus.write(bytes.fromhex(VERSION))
+    t = host.twin.now + 1 + 5 * 10 * BIT
+    assert bus.read(2, 1.0, min_bytes=2) == b"\xd5\x05"
+    assert bus.now() == t + 160 + 164 + 152
+    assert bus.read(16, 1.0, min_bytes=6).hex() == "010081bace34"
+    before = bus.now()
+    assert bus.read(1, 0.001) == b""
+    assert bus.now() == before + 50_000
+
+
+# ------------------------------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"channels": 7}, r"7 channels; the registers have room for 1\.\.6"),
+        ({"channels": 0}, "0 channels"),
+        ({"baud1": 115_250}, "115250 baud; allowed are multiples of 100 up to 3125000"),
+        ({"baud2": 3_125_100}, "3125100 baud"),
+        ({"baud2": 0}, "0 baud"),
+        ({"ints_timer": -1}, r"ints_timer -1; allowed are 0\.\.4294967295"),
+        ({"prog_words": 1000}, "1000 program words; allowed are powers of 2 up to 65536"),
+        ({"profile": "ideal"}, "no profile 'ideal'"),
+        ({"req_queue": 2}, "req_queue = 2"),
+    ],
+)
+def test_impossible_boards_are_refused(options, message):
+    with pytest.raises(UsageError, match=message):
+        S3GTwin(**options)
+
+
+def test_time_does_not_go_back():
+    twin = S3GTwin()
+    twin.advance(100)
+    with pytest.raises(UsageError, match="advance to cycle 99, but it is already 100"):
+        twin.advance(99)
+    with pytest.raises(UsageError, match="cycle 100, but that is over"):
+        twin.schedule(100, "avr_tx", 0)

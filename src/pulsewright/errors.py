@@ -73,5 +73,23 @@ class EstopError(PulsewrightError):
     """A board that is in emergency stop where it should run."""
 
 
+class StarvedError(EstopError):
+    """A board that got no motion in time and stopped by itself, in a controlled way.
+
+    Parameters
+    ----------
+    message : str
+        What happened, and what to try.
+    time : float
+        Time of the plan up to which it was followed [s].
+    position : tuple of float
+        Where each motor rests now [step].
+    """
+
+    def __init__(self, message: str, *, time: float, position: tuple[float, ...]) -> None:
+        self.time, self.position = time, position
+        super().__init__(message)
+
+
 class CheckFailedError(PulsewrightError):
     """A check that ran to its end and found a difference or a violated limit."""

@@ -168,7 +168,7 @@ class Job:
             name,
             link or machine.link.url,
             profile=profile or (settings.profile if own else None),
-            **_switches(machine if own else None),
+            **room.parameters_for(machine.motors) | _switches(machine if own else None),
         )
         matrix = machine.motor_matrix()
         rows, velocity, acceleration = limits = machine.limit_rows()
@@ -199,7 +199,7 @@ class Job:
                 motor_matrix=matrix,
                 limits=limits,
                 clock_hz=driver.bus.clock_hz,
-                motors=numbered_pins(len(matrix), room.positive_direction),
+                motors=numbered_pins(len(matrix), room.positive_direction, *room.motor_pins),
                 drives=[drive] * len(matrix),
                 start_cycle=player.start_cycle,
                 tolerances=Tolerances(settle=2 * player.update),
@@ -385,7 +385,7 @@ def run_file(
 
 
 def _switches(machine: Machine | None) -> dict[str, int]:
-    """Return the profile switches that a machine file sets."""
+    """Return the profile switches and parameters that a machine file sets."""
     switches: dict[str, int] = {}
     for name, value in (machine.board.options if machine else {}).items():
         if not isinstance(value, int):

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final, Literal, overload
 
-from pulsewright.boards import pluto_step, usc
+from pulsewright.boards import pluto_step, s3g, usc
 from pulsewright.boards.board import Board
 from pulsewright.errors import UsageError
 
 if TYPE_CHECKING:
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
+    from pulsewright.boards.s3g.driver import S3GDriver
     from pulsewright.boards.usc.driver import UscDriver
     from pulsewright.transport.bus import EppBus
+    from pulsewright.transport.serial_bus import SerialBus
 
-BOARDS: Final = {board.name: board for board in (pluto_step.BOARD, usc.BOARD)}
+BOARDS: Final = {board.name: board for board in (pluto_step.BOARD, s3g.BOARD, usc.BOARD)}
 LINKS: Final = {
     "twin:": "a new simulated board in this process",
     "rtl:": "its gateware, simulated clock by clock; needs the extra 'build' and a C++ compiler",
@@ -36,17 +38,21 @@ def get(name: str) -> Board:
 
 @overload
 def open_board(
-    name: Literal["pluto_step"], link: str = ..., profile: str | None = ..., **switches: int
+    name: Literal["pluto_step"], link: str = ..., profile: str | None = ..., **options: int
 ) -> PlutoStepDriver: ...
 @overload
 def open_board(
-    name: Literal["usc"], link: str = ..., profile: str | None = ..., **switches: int
+    name: Literal["s3g"], link: str = ..., profile: str | None = ..., **options: int
+) -> S3GDriver: ...
+@overload
+def open_board(
+    name: Literal["usc"], link: str = ..., profile: str | None = ..., **options: int
 ) -> UscDriver: ...
 @overload
-def open_board(name: str, link: str = ..., profile: str | None = ..., **switches: int) -> Any: ...
+def open_board(name: str, link: str = ..., profile: str | None = ..., **options: int) -> Any: ...
 
 
-def open_board(name: str, link: str = "twin:", profile: str | None = None, **switches: int) -> Any:
+def open_board(name: str, link: str = "twin:", profile: str | None = None, **options: int) -> Any:
     """Open a board behind a link and return its driver. Nothing is sent to the board yet.
 
     Parameters
@@ -57,8 +63,8 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **swi
         A key of `LINKS`: a new simulated board, in its reset state.
     profile : str, optional
         How contradictions in the board's document are resolved; see the README of its room.
-    **switches : int
-        Profile switches that differ from the profile.
+    **options : int
+        Profile switches that differ from the profile, and parameters that the room knows: channels.
 
     Raises
     ------
@@ -75,15 +81,21 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **swi
     """
     board = get(name)
     profile = board.default_profile if profile is None else profile
-    board.switches(profile, **switches)
-    return board.driver(_open_bus(board, link, profile, switches), profile, **switches)
+    board.switches(profile, **{k: v for k, v in options.items() if k not in board.parameters})
+    return board.driver(_open_bus(board, link, profile, options), profile, **options)
 
 
-def _open_bus(board: Board, link: str, profile: str, switches: dict[str, int]) -> EppBus:
+def _open_bus(
+    board: Board, link: str, profile: str, options: dict[str, int]
+) -> EppBus | SerialBus:
     if link not in LINKS:
         usable = "; ".join(f"'{url}' ({what})" for url, what in LINKS.items())
         raise UsageError(f"link '{link}' is not one that can be opened here; usable are {usable}")
+    simulated = (board.twin if link == "twin:" else board.rtl)(profile, **options)
+    if board.bus == "serial":
+        from pulsewright.transport.serial_bus import VirtualSerialBus
+
+        return VirtualSerialBus(simulated)
     from pulsewright.transport.virtual import VirtualEppBus
 
-    simulated = board.twin if link == "twin:" else board.rtl
-    return VirtualEppBus(simulated(profile, **switches))
+    return VirtualEppBus(simulated)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pulsewright.errors import UsageError
 from pulsewright.registers.model import RegisterMap
@@ -41,15 +41,15 @@ class Board:
         ``registers()`` returns the `RegisterMap`.
     twin : callable
         ``twin(profile, **options)`` returns a new twin, in its reset state; options are profile
-        switches, and what else the room's twin knows.
+        switches, ``parameters``, and what else the room's twin knows.
     rtl : callable
-        ``rtl(profile, **switches)`` returns the board's gateware in simulation, with the methods of
+        ``rtl(profile, **options)`` returns the board's gateware in simulation, with the methods of
         its twin that a bus uses.
     gateware : callable
         ``gateware(profile, axes, **switches)`` returns the board's gateware, a `Component`; with
         just ``axes`` axes (None: as many as the original), where the room can leave out some.
     driver : callable
-        ``driver(bus, profile, **switches)`` returns a driver for a board on an open bus.
+        ``driver(bus, profile, **options)`` returns a driver for a board on an open bus.
     player : callable
         ``player(driver, trajectory, **limits)`` returns what plays planned motion on the board.
     sizes : mapping of str to mapping of str to int
@@ -57,6 +57,15 @@ class Board:
         which it fits.
     positive_direction : int
         Level of the direction pins while a motor's position rises (0 or 1).
+    motor_pins : (str, str)
+        Names of step and direction pins, with ``{}`` for the number of the motor.
+    bus : str
+        What driver and twin meet at: ``epp`` or ``serial``.
+    parameters : frozenset of str
+        What a board can be made with besides profile switches: options of ``twin``, ``rtl`` and
+        ``driver``.
+    parameters_for : callable
+        ``parameters_for(motors)`` returns those of a board that can drive so many motors.
     recordings : callable, optional
         ``recordings()`` returns two functions for recordings of the original controller:
         ``load(path)`` gives a `Golden`, ``replay(golden, engine)`` what an engine (``twin``,
@@ -76,6 +85,10 @@ class Board:
     driver: Callable[..., Any]
     player: Callable[..., Any]
     positive_direction: int = 1
+    motor_pins: tuple[str, str] = ("step{}", "dir{}")
+    bus: Literal["epp", "serial"] = "epp"
+    parameters: frozenset[str] = frozenset()
+    parameters_for: Callable[[int], dict[str, int]] = lambda motors: {}
     sizes: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     recordings: Callable[[], tuple[Load, Replay]] | None = None
 

@@ -32,12 +32,17 @@ class MotorPins:
     positive: int = 1
 
 
-def numbered_pins(motors: int, positive: int = 1) -> tuple[MotorPins, ...]:
-    """Return the pins step0, dir0, step1, dir1, ... that every board here has.
+def numbered_pins(
+    motors: int, positive: int = 1, step: str = "step{}", direction: str = "dir{}"
+) -> tuple[MotorPins, ...]:
+    """Return the pins step0, dir0, step1, dir1, ... of motors from 0 on.
 
-    ``positive`` is the level of the direction pins that counts upwards.
+    ``positive`` is the level of the direction pins that counts upwards; ``step`` and ``direction``
+    are what a board calls its pins.
     """
-    return tuple(MotorPins(f"step{i}", f"dir{i}", positive=positive) for i in range(motors))
+    return tuple(
+        MotorPins(step.format(i), direction.format(i), positive=positive) for i in range(motors)
+    )
 
 
 def require_pins(trace: EdgeTrace, motors: Sequence[MotorPins]) -> None:

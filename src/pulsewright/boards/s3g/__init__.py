@@ -1,1 +1,94 @@
 """S3G: motion controller behind two serial ports."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from pulsewright.boards.board import Board
+from pulsewright.boards.s3g.registers import (
+    BAUD1,
+    CHANNELS,
+    DEFAULT_PROFILE,
+    MAX_CHANNELS,
+    PROFILES,
+)
+from pulsewright.errors import UsageError
+
+if TYPE_CHECKING:
+    from pulsewright.boards.board import Load, Replay
+    from pulsewright.boards.s3g.driver import S3GDriver
+    from pulsewright.boards.s3g.gateware import S3G
+    from pulsewright.boards.s3g.player import S3GPlayer
+    from pulsewright.boards.s3g.twin import S3GTwin
+    from pulsewright.motion.trajectory import Trajectory
+    from pulsewright.registers.model import RegisterMap
+    from pulsewright.transport.serial_bus import SerialBus
+
+PARAMETERS: Final = frozenset({"channels", "prog_words", "baud1", "baud2", "ints_timer"})
+
+
+def _registers() -> RegisterMap:
+    from pulsewright.boards.s3g.registers import MAP
+
+    return MAP
+
+
+def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> S3GTwin:
+    from pulsewright.boards.s3g.twin import S3GTwin
+
+    return S3GTwin(profile, **options)
+
+
+def _rtl(profile: str = DEFAULT_PROFILE, **options: int) -> Any:
+    raise UsageError("s3g: its gateware cannot be simulated behind a link yet; use twin:")
+
+
+def _gateware(profile: str = DEFAULT_PROFILE, axes: int | None = None, **options: int) -> S3G:
+    from pulsewright.boards.s3g.gateware import S3G
+
+    return S3G(profile, channels=CHANNELS if axes is None else axes, **options)
+
+
+def _driver(bus: SerialBus, profile: str = DEFAULT_PROFILE, **options: int) -> S3GDriver:
+    from pulsewright.boards.s3g.driver import S3GDriver
+
+    of_the_board = {"baud1", "baud2", "ints_timer"}
+    kept = {name: value for name, value in options.items() if name not in of_the_board}
+    return S3GDriver(bus, profile=profile, baud=options.get("baud1", BAUD1), **kept)
+
+
+def _player(driver: S3GDriver, trajectory: Trajectory, **limits: Any) -> S3GPlayer:
+    from pulsewright.boards.s3g.player import S3GPlayer
+
+    return S3GPlayer(driver, trajectory, **limits)
+
+
+def _parameters_for(motors: int) -> dict[str, int]:
+    return {"channels": min(max(motors, CHANNELS), MAX_CHANNELS)}
+
+
+def _recordings() -> tuple[Load, Replay]:
+    from pulsewright.boards.s3g.golden import load, replay
+
+    return load, replay
+
+
+BOARD: Final = Board(
+    name="s3g",
+    title="S3G motion controller",
+    document="valurap FPGA controller, register, interrupt, strobe, packet and program tables",
+    profiles=tuple(PROFILES),
+    default_profile=DEFAULT_PROFILE,
+    axes=MAX_CHANNELS,
+    registers=_registers,
+    twin=_twin,
+    rtl=_rtl,
+    gateware=_gateware,
+    driver=_driver,
+    player=_player,
+    motor_pins=("mot{}_step", "mot{}_dir"),
+    bus="serial",
+    parameters=PARAMETERS,
+    parameters_for=_parameters_for,
+    recordings=_recordings,
+)

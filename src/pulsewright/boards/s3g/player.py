@@ -1,0 +1,299 @@
+"""A trajectory played on a board: fill its program memory, keep it filled, bring it to rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pulsewright.boards.s3g import registers as reg
+from pulsewright.boards.s3g.commands import (
+    FINISHED,
+    LOAD_DELAY,
+    Abort,
+    Converter,
+    Encoder,
+    grid_step,
+    moving_together,
+)
+from pulsewright.boards.s3g.packets import MAX_WORDS
+from pulsewright.boards.s3g.rejoin import rejoin
+from pulsewright.boards.s3g.ring import DONE, PORTION, ProgramRing
+from pulsewright.errors import (
+    BusError,
+    MotionLimitError,
+    RegisterValueError,
+    StarvedError,
+    UsageError,
+)
+
+if TYPE_CHECKING:
+    from pulsewright.boards.s3g.driver import S3GDriver
+    from pulsewright.motion.trajectory import Trajectory
+
+LEAD: Final = 0.2  # from the first load to time 0 of the plan: a failed start is ended before [s]
+CONVERTED: Final = 4096  # grid steps at once
+REFILL: Final = 8  # packets that should fit when a full memory is looked at again
+SETTLE: Final = 0.5  # what the end of a job may be late on another clock than the board's [s]
+
+
+class S3GPlayer:
+    """Play motor positions on an S3G board. Creating one sends nothing; see `prepare`.
+
+    If the board gets no motion in time, it stops by itself, on a ramp; `play` raises `StarvedError`
+    then, and knows where it stopped. `resume` goes back to the plan and completes it.
+
+    Parameters
+    ----------
+    driver : S3GDriver
+        Of the board; nothing else may use it while this plays, but for its outputs.
+    trajectory : Trajectory
+        Motor positions [step].
+    rates, accelerations : sequence of float
+        The most that each motor may do [step/s, step/s^2].
+    pulse_width, pulse_space, direction_setup, direction_hold : float
+        Minima of the drives [s].
+    """
+
+    def __init__(
+        self,
+        driver: S3GDriver,
+        trajectory: Trajectory,
+        *,
+        rates: Sequence[float],
+        accelerations: Sequence[float],
+        pulse_width: float,
+        pulse_space: float,
+        direction_setup: float,
+        direction_hold: float,
+    ) -> None:
+        self.driver = driver
+        self.trajectory = trajectory
+        self.rates, self.accelerations = rates, accelerations
+        self._times = {
+            "pulse_width": pulse_width,
+            "pulse_space": pulse_space,
+            "direction_setup": direction_setup,
+            "direction_hold": direction_hold,
+        }
+        self._job: _Job | None = None
+        self._stopped: StarvedError | None = None
+        self._rest = np.zeros(trajectory.axes, np.int64)  # where it stopped [unit]
+
+    def prepare(self) -> None:
+        """Bring the board from any state to rest, fill its memory, and start.
+
+        The plan's time 0 is `LEAD` after that.
+
+        Raises
+        ------
+        MotionLimitError
+            If the board cannot follow the motors' rates or accelerations with these pulses on this
+            link.
+        BusError
+            If there is no such board, or the link fails.
+        """
+        driver, motors = self.driver, self.trajectory.axes
+        if motors > driver.channels:
+            raise MotionLimitError(
+                f"s3g: the plan has {motors} motors, the board has {driver.channels} channels"
+            )
+        try:
+            driver.initialise(**self._times)
+        except RegisterValueError as error:
+            raise MotionLimitError(str(error)) from error
+        packet = self._measure()
+        self._grid = grid_step(
+            driver.timing,
+            motors=moving_together(self.trajectory),
+            word_cycles=packet / PORTION,
+            rate=max(self.rates),
+            acceleration=max(self.accelerations),
+        )
+        self._packet = packet
+        driver.release_estop()
+        self._begin(None)
+
+    def resume(self) -> Trajectory:
+        """Go back to the plan after `StarvedError`, and play the rest; return what is played now.
+
+        That is a motion of its own, with its own time: from where the motors rest straight to where
+        the plan was left, and on along the plan. `trajectory`, `start_cycle` and `play` are about
+        it from now on.
+
+        Raises
+        ------
+        UsageError
+            If the job has not been stopped by that error.
+        """
+        if self._stopped is None:
+            raise UsageError("s3g: nothing to resume; the job was not stopped for lack of motion")
+        self.trajectory = rejoin(
+            self.trajectory,
+            self._stopped.time,
+            self._stopped.position,
+            rates=self.rates,
+            accelerations=self.accelerations,
+        )
+        self._stopped = None
+        self._begin(self._rest)
+        return self.trajectory
+
+    @property
+    def update(self) -> float:
+        """Time between loads, at least [s]: two of them after a stop, each step has been made."""
+        return self._grid / reg.CLOCK_HZ
+
+    @property
+    def start_cycle(self) -> int:
+        """Clock cycle of the plan's second 0; exact on a link to a twin."""
+        return self._playing.start_cycle
+
+    @property
+    def done(self) -> bool:
+        """Whether the whole plan has been made."""
+        return self._playing.ring.ended == FINISHED
+
+    def play(self, until: float) -> None:
+        """Stream the plan, and return when the board is at ``until`` [s].
+
+        Program memory is kept full, so the board knows motion up to about a second further. At the
+        end of the plan everything has come to rest.
+
+        Raises
+        ------
+        StarvedError
+            If the board had no motion and has stopped.
+        BusError
+            If the link failed, however often it was tried.
+        """
+        job, bus, ring = self._playing, self.driver.bus, self._playing.ring
+        if self._stopped is not None:
+            raise self._stopped
+        end = math.inf
+        if until < self.trajectory.duration:
+            end = job.start_cycle + math.ceil(until * bus.clock_hz)
+        while ring.ended is None:
+            job.convert()
+            left = end - bus.now()
+            if left <= 0:
+                return
+            if not ring.waiting:
+                self._sleep(min(left, max(job.end_cycle - bus.now(), self._packet)))
+                ring.poll()
+                late = bus.now() - job.end_cycle
+                if ring.ended is None and late > SETTLE * bus.clock_hz:
+                    raise BusError(
+                        f"s3g: the job should have ended {late / bus.clock_hz:.2f} s ago, but the "
+                        f"executor still runs; was a load lost?"
+                    )
+            elif not ring.ready:
+                self._sleep(min(left, max(ring.cycles_to_room(REFILL), self._packet)))
+                ring.poll()
+            elif left <= self._packet:
+                self._sleep(left)
+            else:
+                ring.write()
+        if ring.ended != FINISHED:
+            self._starved()
+        self.driver.bus.sleep(self.update)  # the last pulse goes out
+
+    @property
+    def _playing(self) -> _Job:
+        if self._job is None:
+            raise RuntimeError("call prepare() first")
+        return self._job
+
+    def _measure(self) -> int:
+        """Return how long a full packet takes on this link, with its reply [clock]."""
+        bus, longest = self.driver.bus, 0
+        for _ in range(3):
+            start = bus.now()
+            self.driver.write_words(0, [DONE] * MAX_WORDS)
+            longest = max(longest, bus.now() - start)
+        return longest
+
+    def _begin(self, position: NDArray[np.int64] | None) -> None:
+        """Fill program memory and start; without a position the board is told where it is."""
+        self._job = job = _Job(self, position)
+        while True:
+            job.convert()
+            if not job.ring.ready:
+                break
+            job.ring.write()
+        for attempt in range(self.driver.retries + 1):
+            try:
+                strobe = job.ring.start()
+                break
+            except BusError:
+                self.driver.abort_program()  # before the first motion
+                if attempt == self.driver.retries:
+                    raise
+        job.started(strobe)
+
+    def _starved(self) -> None:
+        """Wait until everything rests; tell where."""
+        job, driver = self._playing, self.driver
+        end, load = job.ring.last_load()
+        velocity = load.velocity[0]
+        steps = int(load.steps[0]) + job.encoder.abort.steps(velocity)
+        longest = (int(load.steps[0]) + 1) * self._grid + steps * job.encoder.abort.dt
+        limit = driver.bus.now() + 2 * longest
+        while driver.read_register("R_ASG_STEP")["value"] < steps:
+            if driver.bus.now() > limit:
+                raise BusError("s3g: the program ended, but motion does not stop as it should")
+            self._sleep(job.encoder.abort.dt)
+        self._rest = load.position[0] + job.encoder.abort.way(velocity, self._grid)
+        time = max(end - job.encoder.lead, 0) * self._grid / reg.CLOCK_HZ
+        place = (self._rest / reg.STEP_UNITS - 0.5).tolist()
+        self._stopped = StarvedError(
+            f"s3g: got no motion in time and has stopped by itself: the plan is done up to "
+            f"{time:.3f} s, the motors rest at steps {', '.join(f'{p:.1f}' for p in place)}; "
+            f"resume() goes back to the plan. The link or this computer was too slow; do less "
+            f"beside, or take a higher baud rate",
+            time=time,
+            position=tuple(place),
+        )
+        raise self._stopped
+
+    def _sleep(self, cycles: float) -> None:
+        self.driver.bus.sleep(max(cycles, 0) / self.driver.bus.clock_hz)
+
+
+class _Job:
+    """One trajectory on its way: conversion, encoding, program memory."""
+
+    def __init__(self, player: S3GPlayer, position: NDArray[np.int64] | None) -> None:
+        driver, grid = player.driver, player._grid
+        self.converter = Converter(player.trajectory, driver.timing, grid=grid, position=position)
+        abort = Abort.of(
+            player.accelerations, grid, latched=bool(driver.switches["abort_dt_latched"])
+        )
+        lead = math.ceil(LEAD * reg.CLOCK_HZ / grid)
+        self.encoder = Encoder(player.trajectory.axes, grid, lead, abort)
+        self.ring = ProgramRing(driver, grid=grid, packet_cycles=player._packet)
+        self._first = self.encoder.start(self.converter.position, known=position is not None)
+        self.ring.append(self._first)
+        self._finished = False
+        self._pre = driver.timing.pre
+        self.start_cycle = self.end_cycle = 0
+
+    def convert(self) -> None:
+        """See that there are words for a packet, until the plan is at its end."""
+        while self.ring.waiting < PORTION and not self._finished:
+            self.ring.append(self.encoder.encode(self.converter.convert(CONVERTED)))
+            if self.converter.done:
+                self.ring.append(self.encoder.finish(self.converter.position))
+                self._finished = True
+
+    def started(self, strobe: int) -> None:
+        """Learn the cycle of the start strobe."""
+        grid, steps = self.encoder.grid, self.encoder.lead
+        # two clocks an instruction; a load acts in the clock after its instruction, shows in the
+        # next one; its steps show when the pulse former has waited for their direction
+        load = strobe + 2 * int(self._first.loads[0]) + 3
+        self.start_cycle = load + steps * grid + LOAD_DELAY + 1 + self._pre
+        self.end_cycle = self.start_cycle + self.converter.total * grid

@@ -141,6 +141,17 @@ def test_vector_10_a_program():
     assert host.ask(request("0300 3D 3E"))[1] == "03008101000700"
 
 
+def test_a_wait_that_is_overwritten_is_what_it_is_now():
+    """Section 4.1: a word written in cycle w is executed from w + 2 on; here w is done + 6."""
+    host = Host()
+    host.ask(request("0100 41 02 0000 0100000082 07000000BF"))
+    host.ask(request("0200 3E 00000020"))
+    assert host.ask(request("0300 3D 3E"))[1] == "030081000002c0"
+    t, _ = host.ask(request("0400 41 01 0000 0800000040"))
+    done = t + 158
+    assert host.edges("led", 3)[0] == [done + 6 + 2 + 1]
+
+
 def motion(host, **values):
     """Write output registers by number, then load; return the load cycle."""
     for n, value in {int(k[1:]): v for k, v in values.items()}.items():

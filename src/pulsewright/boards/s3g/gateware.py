@@ -23,18 +23,17 @@ from pulsewright.boards.s3g.gateware_motion import (
 )
 from pulsewright.boards.s3g.gateware_program import (
     INTERRUPTS,
-    STORED_BITS,
     STROBES,
     Interrupts,
     ProgramExecutor,
     picked,
     placed,
-    stored,
 )
 from pulsewright.boards.s3g.gateware_serial import PacketReceiver, PacketSender, SerialExecutor
 from pulsewright.errors import UsageError
 from pulsewright.gateware.uart import BaudGenerator, UartReceiver, UartTransmitter
 
+WORD_BITS: Final = 8 * registers.PROG_WORD_BYTES
 PROG_WORDS_MAX: Final = 1 << 16
 BAUD_MAX: Final = registers.BAUD_UNIT * registers.BAUD_LIMIT
 VALUES_PER_CHANNEL: Final = registers.W_X_VAL_LO[1] - registers.W_X_VAL_LO[0]
@@ -76,13 +75,13 @@ class _Core(Component):
         )
         self._serial(m, executor)
 
-        m.submodules.memory = memory = Memory(shape=STORED_BITS, depth=self._prog_words, init=[])
+        m.submodules.memory = memory = Memory(shape=WORD_BITS, depth=self._prog_words, init=[])
         written, read = memory.write_port(), memory.read_port()
         m.d.comb += [
             written.en.eq(executor.program_write),
             written.addr.eq(executor.program_address),
-            written.data.eq(stored(executor.program_word)),
-            read.addr.eq(program.pc),
+            written.data.eq(executor.program_word),
+            read.addr.eq(program.read_address),
             program.word.eq(read.data),
         ]
 

@@ -175,15 +175,19 @@ class ProfileGenerator(Component):
         # Both comparisons are there for both directions, as the direction is known late.
         not_below = _at_least(target, faster[:32])
         beyond = _at_least(target, faster[:32], strictly=True)
-        past = has_target & (equal | Mux(above, beyond, ~not_below))
+        past = Mux(above, beyond, ~not_below)
 
         # In an abort. v = limit > 0 is taken as v > limit, which comes to the same.
         exactly_negative = limit[31] & (v == limit)
         slows = self.aborting & above & ~equal & ~exactly_negative
-        stops = self.aborting & (equal | ~above & ~faster[32])
         goes_on = self.aborting & ~equal & Mux(above, exactly_negative, faster[32])
-        reached = Signal()
-        m.d.comb += reached.eq(~self.aborting & past | stops)
+        stops = self.aborting & ~above & ~faster[32]
+
+        # The target, which is reached early or late in the cycle.
+        seeks = has_target & ~self.aborting
+        at_once, reached = Signal(), Signal()
+        m.d.comb += at_once.eq((seeks | self.aborting) & equal | stops)
+        m.d.comb += reached.eq(at_once | seeks & past)
         # What is left to the target, or -limit if v > limit. Where the limit is negative, v reaches
         # 0 only from 0, which is seen to below.
         negate = self.aborting & (above | limit[31])
@@ -206,11 +210,23 @@ class ProfileGenerator(Component):
         with m.Elif(set_v):
             m.d.sync += twice.eq(1)
         with m.If(self.step | set_v):
-            which = Cat(reached | set_v, slows | set_v)
-            m.d.sync += v.eq(_choose(m, which, faster, target, slower, values[V]))
+            special = slows | set_v
+            m.d.sync += v.eq(
+                Mux(
+                    reached | set_v,
+                    Mux(special, values[V], target),
+                    Mux(special, slower[:32], faster[:32]),
+                )
+            )
         with m.If(self.step | set_a):
-            which = Cat(goes_on | set_a, reached | slows | set_a)
-            m.d.sync += a.eq(_choose(m, which, a + j, limit, remaining, values[A]))
+            special = goes_on | set_a
+            m.d.sync += a.eq(
+                Mux(
+                    reached | slows | set_a,
+                    Mux(special, values[A], remaining),
+                    Mux(special, limit, a + j),
+                )
+            )
         with m.If(self.step & self.aborting & equal):
             m.d.sync += a.eq(0)
         with m.If(self.step | set_j):
@@ -286,17 +302,6 @@ class PulseFormer(Component):
         with m.Elif(self.strobe):
             m.d.sync += [count.eq(count + 1), busy.eq(1), self.dir.eq(self.up)]
         return m
-
-
-def _choose(m: Module, which: Value, *choices: Value) -> Signal:
-    """Return one of four words of 32 bits, in the shape that fits one 6-input LUT per bit."""
-    select, word = Signal(2), Signal(32)
-    m.d.comb += select.eq(which)
-    with m.Switch(select):
-        for n, choice in enumerate(choices):
-            with m.Case(n):
-                m.d.comb += word.eq(choice)
-    return word
 
 
 # What can be carried into a sum is written as the lowest bit of a longer one. Sums are differences,

@@ -24,7 +24,6 @@ STROBES: Final = (
 )
 OPCODE_LSB: Final = registers.PROG_OPCODE_LSB
 CLASS_LSB: Final = registers.PROG_CLASS_LSB
-STORED_BITS: Final = CLASS_LSB + 4  # a word with its marks
 
 
 def picked(word: Value, bits: tuple[int, ...]) -> Value:
@@ -35,25 +34,6 @@ def picked(word: Value, bits: tuple[int, ...]) -> Value:
 def placed(value: Value, bits: tuple[int, ...]) -> Value:
     """Return a word of 32 bits with the bits of a value at these places."""
     return Cat(value[bits.index(bit)] if bit in bits else Const(0, 1) for bit in range(32))
-
-
-def stored(word: Value) -> Value:
-    """Return a word of a program with two marks: how it is in program memory.
-
-    They are what takes many bits to know, and would be known late if it were found out only when a
-    word is executed: that it needs an interrupt that is not there, and that the program goes on
-    after it. A word that is 0 has marks that are 0.
-    """
-    kind, opcode = word[CLASS_LSB:], word[OPCODE_LSB:CLASS_LSB]
-    others = Cat(word[bit] for bit in range(OPCODE_LSB) if bit not in INTERRUPTS).any()
-    goes_on = (kind == registers.CLASS_OUTPUT) | (kind == registers.CLASS_CONTROL) & opcode.matches(
-        registers.OP_NOP,
-        registers.OP_STB,
-        registers.OP_WAIT_ALL,
-        registers.OP_WAIT_ANY,
-        registers.OP_CLEAR,
-    )
-    return Cat(word, others, goes_on)
 
 
 class Interrupts(Component):
@@ -130,10 +110,8 @@ class ProgramExecutor(Component):
         Strobes. A start is ignored while a program runs; an abort wins.
     first : In(16)
         Where a program starts.
-    pc : Out(16)
-        Address of the word in ``word`` one cycle later.
-    word : In(42)
-        From program memory, see `stored`.
+    read_address : Out(16), word : In(40)
+        Reads program memory; the word comes in the next cycle, and is executed in the one after it.
     pending : In(4)
         Interrupts.
     stall : In(1)
@@ -154,8 +132,8 @@ class ProgramExecutor(Component):
                 "start": In(1),
                 "abort": In(1),
                 "first": In(16),
-                "pc": Out(16),
-                "word": In(STORED_BITS),
+                "read_address": Out(16),
+                "word": In(CLASS_LSB + 2),
                 "pending": In(len(INTERRUPTS)),
                 "stall": In(1),
                 "write": Out(1),
@@ -170,57 +148,69 @@ class ProgramExecutor(Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        opcode, kind = self.word[OPCODE_LSB:CLASS_LSB], self.word[CLASS_LSB : CLASS_LSB + 2]
-        others, goes_on = self.word[-2], self.word[-1]
-        error, busy, waiting = Signal(8), Signal(), Signal()
-        m.d.comb += [
-            self.address.eq(opcode),
-            self.value.eq(self.word[:OPCODE_LSB]),
-            self.status.eq(Cat(self.pc, error, Const(0, 6), waiting, busy)),
-        ]
-        wanted = picked(self.value, INTERRUPTS)
+        # Memory is slow, so its word goes to a register, with what takes many bits to know.
+        kind, opcode = self.word[CLASS_LSB:], self.word[OPCODE_LSB:CLASS_LSB]
+        fetched = self.word[:OPCODE_LSB]
+        is_control = kind == registers.CLASS_CONTROL
 
+        def marked(condition: Value) -> Signal:
+            mark = Signal()
+            m.d.sync += mark.eq(condition)
+            return mark
+
+        output = marked(kind == registers.CLASS_OUTPUT)
+        strobe = marked(is_control & (opcode == registers.OP_STB))
+        wait_all = marked(is_control & (opcode == registers.OP_WAIT_ALL))
+        wait_any = marked(is_control & (opcode == registers.OP_WAIT_ANY))
+        clear = marked(is_control & (opcode == registers.OP_CLEAR))
+        nop = marked(is_control & (opcode == registers.OP_NOP))
+        done = marked(is_control & (opcode == registers.OP_DONE))
+        others = marked(Cat(fetched[bit] for bit in range(32) if bit not in INTERRUPTS).any())
+        m.d.sync += [self.address.eq(opcode), self.value.eq(fetched)]
+
+        pc, next_pc = Signal(16), Signal(16)
+        error, busy, waiting = Signal(8), Signal(), Signal()
         run, decode = Signal(), Signal()  # a program runs; its word is there
+        wanted = picked(self.value, INTERRUPTS)
+        goes_on = output | strobe | wait_all | wait_any | clear | nop
         execute = decode & ~self.abort
-        control = kind[1]  # unless the program stops
-        wait_all = control & (opcode[:3] == registers.OP_WAIT_ALL)
-        wait_any = control & (opcode[:3] == registers.OP_WAIT_ANY)
         wait = Signal()
         m.d.comb += [
             wait.eq(
                 wait_all & ((wanted & ~self.pending).any() | others)
                 | wait_any & ~(wanted & self.pending).any()
             ),
-            self.write.eq(execute & goes_on & ~control),
-            self.strobe.eq(execute & goes_on & control & (opcode[:3] == registers.OP_STB)),
-            self.clear.eq(execute & goes_on & control & (opcode[:3] == registers.OP_CLEAR)),
+            self.write.eq(execute & output),
+            self.strobe.eq(execute & strobe),
+            self.clear.eq(execute & clear),
             self.complete.eq(execute & ~goes_on),
+            self.status.eq(Cat(pc, error, Const(0, 6), waiting, busy)),
+            next_pc.eq(pc),
+            self.read_address.eq(next_pc),
         ]
-        done = (kind == registers.CLASS_CONTROL) & (opcode == registers.OP_DONE)
 
-        m.d.sync += [busy.eq(run), decode.eq(run & ~decode)]
+        m.d.sync += [busy.eq(run), decode.eq(run & ~decode), pc.eq(next_pc)]
         with m.If(decode):
-            m.d.sync += [waiting.eq(0), error.eq(registers.BE_RUNNING)]
+            m.d.sync += [waiting.eq(wait), error.eq(Mux(wait, registers.BE_WAITING, 0))]
             with m.If(~goes_on):
                 m.d.sync += [
                     run.eq(0),
                     error.eq(Mux(done, self.value[:8], registers.BE_ILLEGAL)),
                 ]
-            with m.Elif(wait):
-                m.d.sync += [decode.eq(1), waiting.eq(1), error.eq(registers.BE_WAITING)]
-            with m.Elif(~control & self.stall):
+            with m.Elif(wait | output & self.stall):
                 m.d.sync += decode.eq(1)
             with m.Else():
-                m.d.sync += self.pc.eq(self.pc + 1)
+                m.d.comb += next_pc.eq(pc + 1)
         with m.If(self.start & ~run):
-            m.d.sync += [run.eq(1), self.pc.eq(self.first), error.eq(registers.BE_RUNNING)]
+            m.d.comb += next_pc.eq(self.first)
+            m.d.sync += [run.eq(1), error.eq(registers.BE_RUNNING)]
         with m.If(self.abort):
             m.d.sync += [
                 run.eq(0),
                 decode.eq(0),
                 busy.eq(0),
                 waiting.eq(0),
-                self.pc.eq(0),
+                pc.eq(0),
                 error.eq(registers.BE_ABORTED),
             ]
         return m

@@ -405,7 +405,10 @@ class SerialExecutor(Component):
                             with m.If(count == 0):
                                 answer(Reply.WRITE_BUFFER)
                             with m.Else():
-                                m.d.sync += reply.eq(Reply.WRITE_BUFFER)
+                                m.d.sync += [
+                                    reply.eq(Reply.WRITE_BUFFER),
+                                    self.buffer_index.eq(BUFFER_DATA + 1),
+                                ]
                                 m.next = "COPY"
                         with m.Case(*_ACTIONS):
                             answer(Reply.OK)
@@ -420,11 +423,17 @@ class SerialExecutor(Component):
             with m.State("INPUT_DONE"):
                 answer()
             with m.State("COPY"):
-                m.d.sync += phase.eq(phase + 1)
-                with m.If(phase != WORD_BYTES):
+                # The byte asked for in a phase comes in the next one, the first word's first byte
+                # in phase 0. Written in phase 4, a word is there for programs as if it were written
+                # in the phase after that: they read memory a cycle early.
+                with m.If(phase != WORD_BYTES - 1):
                     m.d.sync += self.buffer_index.eq(self.buffer_index + 1)
-                with m.Else():
+                with m.Elif(self.intact):
                     m.d.comb += self.program_write.eq(1)
+                with m.Else():
+                    answer(Reply.BUF_ERROR)
+                m.d.sync += phase.eq(phase + 1)
+                with m.If(phase == WORD_BYTES):
                     m.d.sync += [
                         phase.eq(0),
                         words.eq(words - 1),
@@ -432,8 +441,6 @@ class SerialExecutor(Component):
                     ]
                     with m.If(words == 1):
                         answer()
-                with m.If((phase == WORD_BYTES - 1) & ~self.intact):
-                    answer(Reply.BUF_ERROR)
             with m.State("DELAY"):
                 m.d.comb += self.start.eq(1)
                 m.next = "BUSY"

@@ -122,6 +122,40 @@ def program(
 
 
 @app.command()
+def serve(
+    board: Annotated[str, typer.Argument(metavar="BOARD", help="For example s3g.")],
+    listen: Annotated[
+        str,
+        typer.Option(metavar="URL", help="pty:PATH, a pseudo-terminal that other programs open."),
+    ],
+    profile: Annotated[
+        str | None, typer.Option(help="Profile of the board's document switches.")
+    ] = None,
+    channels: Annotated[int | None, typer.Option(help="Motors of the board; default 2.")] = None,
+    trace: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write all pin changes at the end (.npz).")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Put a simulated board behind a real interface, in real time, until interrupted."""
+    from pulsewright.app import serve as serve_module
+
+    options = {} if channels is None else {"channels": channels}
+    served = serve_module.serve(
+        board,
+        listen=listen,
+        profile=profile,
+        trace=trace,
+        ready=lambda line: print(line, file=sys.stderr, flush=True),
+        options=options,
+    )
+    if as_json:
+        _print_json(served)
+    else:
+        print(serve_module.text(served))
+
+
+@app.command()
 def check(
     board: Annotated[str, typer.Argument(metavar="BOARD", help="For example pluto_step.")],
     golden: Annotated[

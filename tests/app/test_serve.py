@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import serial
 
+from pulsewright import open_board
 from pulsewright.app.serve import serve
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import UsageError
@@ -129,6 +130,14 @@ def test_a_client_may_come_and_go(served):
         client = Client(link)
         assert client.ask(0) == bytes([OK]) + VERSION
         client.port.close()
+
+
+def test_our_own_driver_opens_it_as_a_port(served):
+    link, _ = served
+    with open_board("s3g", link=f"serial:{link}?baud=500000") as board:
+        board.initialise()
+        board.write_register("W_SE_REG_LB", value=0x89ABCDEF)
+        assert board.read_register("R_SE_REG_LB") == {"value": 0x89ABCDEF}
 
 
 def test_noise_is_outlived(served):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final, Literal, overload
+from urllib.parse import parse_qsl, urlsplit
 
 from pulsewright.boards import pluto_step, s3g, usc
 from pulsewright.boards.board import Board
@@ -19,6 +20,7 @@ BOARDS: Final = {board.name: board for board in (pluto_step.BOARD, s3g.BOARD, us
 LINKS: Final = {
     "twin:": "a new simulated board in this process",
     "rtl:": "its gateware, simulated clock by clock; needs the extra 'build' and a C++ compiler",
+    "serial:PATH?baud=N": "a board at a serial port, such as serial:/dev/ttyUSB0?baud=500000",
 }
 
 
@@ -60,7 +62,7 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **opt
     name : str
         A key of `BOARDS`.
     link : str
-        A key of `LINKS`: a new simulated board, in its reset state.
+        One of `LINKS`. A simulated board is in its reset state; one at a port is as it is.
     profile : str, optional
         How contradictions in the board's document are resolved; see the README of its room.
     **options : int
@@ -85,12 +87,14 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **opt
     return board.driver(_open_bus(board, link, profile, options), profile, **options)
 
 
-def _open_bus(
-    board: Board, link: str, profile: str, options: dict[str, int]
-) -> EppBus | SerialBus:
-    if link not in LINKS:
+def _open_bus(board: Board, link: str, profile: str, options: dict[str, int]) -> EppBus | SerialBus:
+    if link.startswith("serial:") and board.bus == "serial":
+        return _serial_port(board, link)
+    if link not in ("twin:", "rtl:"):
         usable = "; ".join(f"'{url}' ({what})" for url, what in LINKS.items())
-        raise UsageError(f"link '{link}' is not one that can be opened here; usable are {usable}")
+        raise UsageError(
+            f"link '{link}' is not one that {board.name} can be opened at; there are {usable}"
+        )
     simulated = (board.twin if link == "twin:" else board.rtl)(profile, **options)
     if board.bus == "serial":
         from pulsewright.transport.serial_bus import VirtualSerialBus
@@ -99,3 +103,17 @@ def _open_bus(
     from pulsewright.transport.virtual import VirtualEppBus
 
     return VirtualEppBus(simulated)
+
+
+def _serial_port(board: Board, link: str) -> SerialBus:
+    """Open ``serial:PATH?baud=N``; without a rate, at the one of the board's first port."""
+    constants = {constant.name: constant.value for constant in board.registers().constants}
+    url = urlsplit(link)
+    query = dict(parse_qsl(url.query, keep_blank_values=True))
+    baud = query.pop("baud", str(constants["BAUD1"]))
+    if not url.path or query or not baud.isdecimal():
+        raise UsageError(f"link '{link}': expected serial:PATH?baud=N, with N in baud")
+
+    from pulsewright.transport.serial_port import PortSerialBus
+
+    return PortSerialBus(url.path, int(baud), constants["CLOCK_HZ"])

@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# A build asks gateware for its ports before it chooses what to make.
 """S3G: motion controller behind two serial ports."""
 
 from __future__ import annotations
@@ -88,6 +90,8 @@ BOARD: Final = Board(
     player=_player,
     motor_pins=("mot{}_step", "mot{}_dir"),
     bus="serial",
+    # 20 of the 30 or 32 block RAMs; the original's 8192 words are 80
+    sizes={"ice40": {"prog_words": 2048}},
     parameters=PARAMETERS,
     parameters_for=_parameters_for,
     recordings=_recordings,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
+from amaranth import Cat, ClockDomain, ClockSignal, DomainRenamer, Module, Mux, Signal, Value
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
@@ -325,7 +325,11 @@ class S3G(Component):
             m.d.sync += count.eq(count + 1)
 
         core = _Core(self._channels, self._ints_timer, self._prog_words, self.switches)
-        m.submodules.core = ResetInserter(~ready)(core)
+        # A domain of its own, so that its flip-flops have one reset and not two.
+        domain = ClockDomain("board", local=True)
+        m.domains += domain
+        m.d.comb += [domain.clk.eq(ClockSignal()), domain.rst.eq(~ready)]
+        m.submodules.core = DomainRenamer("board")(core)
         for n, baud in enumerate(self._bauds):
             m.submodules[f"baud{n + 1}"] = generator = BaudGenerator(
                 step=baud // registers.BAUD_UNIT, limit=registers.BAUD_LIMIT

@@ -61,43 +61,28 @@ class AccelerationSteps(Component):
         steps_limit, dt_limit = Signal(32), Signal(32)
         # One more than the counters, so that nothing is added before a comparison.
         next_steps, next_dt = Signal(32, init=1), Signal(32, init=1)
-        hit = Signal()
-        with m.FSM() as fsm:
-            with m.State("IDLE"), m.If(self.load):
-                m.next = "WORKING"
-            with m.State("WORKING"), m.If(~self.load):
-                with m.If(dt_limit == 0):
-                    m.next = "IDLE"
-                with m.Elif(hit):
-                    m.d.comb += self.step.eq(1)
-                    with m.If(next_steps >= steps_limit):
-                        m.d.comb += self.done.eq(1)
-                        m.next = "WAIT"
-            with m.State("WAIT"):
-                with m.If(self.load):
-                    m.next = "WORKING"
-                with m.Elif(hit):
-                    m.d.comb += [self.step.eq(1), self.abort.eq(1)]
-                    m.next = "ABORT"
-            with m.State("ABORT"):
-                with m.If(self.load):
-                    m.next = "WORKING"
-                with m.Else():
-                    m.d.comb += [self.step.eq(hit), self.abort.eq(1)]
-
-        with m.If(self.done):
-            m.d.sync += self.aborting.eq(1)
-        with m.Elif(self.load):
-            m.d.sync += self.aborting.eq(0)
-        in_abort = fsm.ongoing("ABORT")
+        working, in_abort = Signal(), Signal()  # neither, and not `aborting`: idle
+        goes = Signal()  # the limit is not 0
+        hit, last = Signal(), Signal()
         limit = dt_limit if self._latched else Mux(in_abort, self.dt_value, dt_limit)
         m.d.comb += [
             hit.eq(next_dt >= limit),
+            last.eq(working & (next_steps >= steps_limit)),
+            self.step.eq(hit & (working & goes | self.aborting) & ~self.load),
+            self.done.eq(hit & goes & last & ~self.load),
+            self.abort.eq(self.aborting & (hit | in_abort) & ~self.load),
         ]
+        with m.If(self.load):
+            m.d.sync += [working.eq(1), self.aborting.eq(0), in_abort.eq(0)]
+        with m.Elif(working & (~goes | hit & last)):
+            m.d.sync += [working.eq(0), self.aborting.eq(goes)]
+        with m.Elif(self.aborting & hit):
+            m.d.sync += in_abort.eq(1)
+
         with m.If(self.load & self.set_steps):
             m.d.sync += steps_limit.eq(self.steps_value)
         with m.If(self.load & self.set_dt):
-            m.d.sync += dt_limit.eq(self.dt_value)
+            m.d.sync += [dt_limit.eq(self.dt_value), goes.eq(self.dt_value != 0)]
         with m.If(self.load & self.reset_steps):
             m.d.sync += [self.steps.eq(0), next_steps.eq(1)]
         with m.Elif(self.step):

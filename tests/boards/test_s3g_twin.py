@@ -327,6 +327,59 @@ def test_vector_15_cadence(load, steps, state):
     assert (found, host.twin.state()["asg"]) == (steps, state)
 
 
+# ------------------------------------------------------------------------------ section 4, programs
+
+
+def long_program(words=1024):
+    """Return a board whose whole program memory has NOPs."""
+    host = Host(prog_words=words)
+    for address in range(0, words, 32):
+        host.program(address, *[NOP] * 32)
+    return host
+
+
+def test_busy_is_one_cycle_late():
+    """Started in cycle c, DONE is decoded in c + 2: busy from c + 2 to c + 3."""
+    host = Host()
+    host.program(0, DONE)
+    start = host.strobe(1 << 29)
+    seen = []
+    for cycle in range(start, start + 6):
+        host.twin.advance(cycle - 1) if cycle > start else None
+        seen.append(host.twin.state()["be"] >> 31)
+    assert seen == [0, 0, 1, 1, 0, 0]
+
+
+@pytest.mark.parametrize(("after", "led"), [(1, 0), (2, 1), (3, 1)])
+def test_a_program_word_is_decoded_two_cycles_after_its_write(after, led):
+    """NOPs in a ring reach a word for the second time, so long after it was written."""
+    host = long_program()
+    host.write(r62=0)
+    start = host.strobe(1 << 29)
+    decoded = start + 2 + 2 * (1024 + 500)
+    word = output(0, 1).to_bytes(5, "little")
+    # written in done + 6, done being 158 behind the start bit of the checksum, byte 13
+    first = decoded - after - 6 - 158 - 13 * 10 * BIT
+    host.send(frame(bytes([1, 0, 65, 1]) + (500).to_bytes(2, "little") + word).hex(), cycle=first)
+    host.advance(decoded + 3)
+    assert host.edges("led0", 1) == [decoded + 1] * led
+
+
+@pytest.mark.parametrize(("ahead", "led"), [(1, 1), (0, 2), (-1, 1)])
+def test_an_output_of_the_host_delays_that_of_a_program_by_a_cycle(ahead, led):
+    host = long_program()
+    host.program(0, output(0, 1))
+    host.write(r62=1)
+    start = host.strobe(1 << 29)
+    decoded = start + 2 + 2 * 1023  # of word 0, the last one
+    # done is 158 behind the start bit of the checksum, byte 10
+    first = decoded - ahead - 158 - 10 * 10 * BIT
+    host.send(frame(bytes([1, 0, 60, 63, 7, 0, 0, 0])).hex(), cycle=first)
+    host.advance(decoded + 3)
+    assert host.edges("led0", 1) == [decoded + led]
+    assert host.twin.state()["outputs"][63] == 7
+
+
 # -------------------------------------------------------------------------------------------- ports
 
 
@@ -499,6 +552,15 @@ def test_speeds_from_65536_on_alias(v, toggles):
     host.advance(start + 1600 + 1)
     state = host.twin.state()
     assert state["pulses"][0] + state["lost"][0] == 1600 * toggles
+
+
+def test_a_load_of_a_position_makes_no_step():
+    """At 65536 every cycle makes a step, but for that of the load."""
+    host, start = moving(1, r10=65_536, r14=65_536)
+    again = host.strobe(1)
+    host.advance(again + 100)
+    state = host.twin.state()  # steps of cycles start + 1 up to again + 99
+    assert state["pulses"][0] + state["lost"][0] == again - start + 99 - 1
 
 
 def test_thresholds_work_at_once_also_inside_a_pulse():

@@ -221,9 +221,12 @@ def make_steps(
             channel.position += 1 if channel.up else -1
         else:
             channel.lost += 1
+    if seen == 0:
+        show_pulse(channel, end, rows, pins[0])
+        return
     edges = rows.pins[pins[0]]
     first, width, hold = max(times.pre, 1), times.pulse - max(times.pre, 1), busy_cycles(times)
-    whole, rest = STEP_UNITS // stride, STEP_UNITS % stride  # not used where the stride is 0
+    whole, rest = STEP_UNITS // stride, STEP_UNITS % stride
     free, used, taken = channel.free, 0, 0
     number, after, over = 1, -1, 0  # cycles after ``tick``, -1 if not known; position then, past it
     while number <= seen:

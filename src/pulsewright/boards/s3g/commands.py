@@ -8,7 +8,7 @@ channel is a chain of straight lines that the model knows to the unit.
 A velocity is a whole number of units per clock: 763 steps/s, and, over a grid step of 0.8 ms, 0.6
 steps. The law: the velocity is what brings the position, which the model knows, closest to the plan
 at the end of the load. What rounding missed before is in the position, so nothing accumulates: at
-every point of the grid the position is within half a unit times the grid step of the plan. Where
+every point of the grid the position is within half a unit times the grid step of its goal. Where
 the plan allows, a load stands for two, four or eight grid steps and saves words.
 
 Acceleration, jerk and change of jerk stay 0: a unit of acceleration is a unit of velocity per grid
@@ -16,8 +16,10 @@ step, a million steps/s^2 and more than machines can do, so they could only dith
 at the cost of words.
 
 Positions of whole steps are half a step beyond a crossing, so that a step comes where the plan
-passes the middle between two positions. Where the plan rests close to such a middle, the position
-rests as far from the crossing as rounding may be off, on the plan's side: the count is right.
+passes the middle between two positions. The goal is the plan, but rounding makes no step that the
+plan does not make: where the plan rests or turns close to such a middle, the position stays as far
+from the crossing as rounding may be off, on the plan's side, so that the count is right; and it
+never goes against the plan.
 
 The pulse former loses a step that comes too early after the last one. In one direction none does,
 for velocities are limited; where the plan reverses, the conversion looks one load ahead and rounds

@@ -28,40 +28,41 @@ def sample(
     """Fill ``plan`` and ``goal``, both (n, motors), for grid points from ``first`` on [unit].
 
     The plan is half a step up, so that its crossings are those of a position. The goal is the plan,
-    but where the plan makes no step up to the next grid point, the goal stays so far behind the
-    next crossing that no rounding reaches it; where the plan rests, so far from both.
+    but it keeps so far from crossings that the plan does not make, from the grid point before to
+    the one after, that no rounding reaches them; and from all where the plan rests. While the plan
+    does not go back, no goal does.
 
-    Returns the piece of the plan at ``first``; ``piece`` is at or before it.
+    Returns a piece of the plan at or before ``first``; ``piece`` is one, too.
     """
     margin = grid // 2 + 1  # more than rounding is off
-    _, start = position_at(geometry, law, 0, first * grid * SECONDS_PER_CYCLE, piece)
+    time = (first - 1) * grid * SECONDS_PER_CYCLE
+    _, start = position_at(geometry, law, 0, time, piece)
     for i in range(plan.shape[1]):
-        position, k = position_at(geometry, law, i, first * grid * SECONDS_PER_CYCLE, start)
-        x = math.floor((position + 0.5) * STEP_UNITS)
+        x, k = position_at(geometry, law, i, time, start)
+        before = math.floor((x + 0.5) * STEP_UNITS)
+        x, k = position_at(geometry, law, i, first * grid * SECONDS_PER_CYCLE, k)
+        here = math.floor((x + 0.5) * STEP_UNITS)
         for j in range(plan.shape[0]):
-            time = (first + j + 1) * grid * SECONDS_PER_CYCLE
-            position, k = position_at(geometry, law, i, time, k)
-            ahead = math.floor((position + 0.5) * STEP_UNITS)
-            plan[j, i] = goal[j, i] = x
-            if ahead >= x:
-                goal[j, i] = min(goal[j, i], (ahead // STEP_UNITS + 1) * STEP_UNITS - margin)
-            if ahead <= x:
-                goal[j, i] = max(goal[j, i], ahead // STEP_UNITS * STEP_UNITS + margin)
-            x = ahead
+            x, k = position_at(geometry, law, i, (first + j + 1) * grid * SECONDS_PER_CYCLE, k)
+            ahead = math.floor((x + 0.5) * STEP_UNITS)
+            least = most = here
+            if before != here != ahead:
+                least, most = min(before, here, ahead), max(before, here, ahead)
+            low = least // STEP_UNITS * STEP_UNITS + margin
+            high = (most // STEP_UNITS + 1) * STEP_UNITS - margin
+            plan[j, i], goal[j, i] = here, min(max(here, low), high)
+            before, here = here, ahead
     return start
 
 
 @inlined
-def nearest(distance: int, cycles: int, way: int) -> int:
+def nearest(distance: int, cycles: int) -> int:
     """Return the velocity that comes closest to a distance; of two, the slower.
 
-    It is 0 rather than against the ``way`` that the plan goes: a position may be ahead of the plan
-    after a rest.
+    So nothing goes back while its goal does not: it is never off by more than half of a unit.
     """
     speed = (2 * abs(distance) + cycles - 1) // (2 * cycles)
-    if distance < 0:
-        return 0 if way > 0 else -speed
-    return 0 if way < 0 else speed
+    return -speed if distance < 0 else speed
 
 
 @inlined
@@ -80,16 +81,8 @@ def since_crossing(x: int, v: int) -> int:
     return into // v if v > 0 else (STEP_UNITS - 1 - into) // -v
 
 
-@inlined
-def best(plan: Ints, goals: Ints, x: int, i: int, at: int, n: int, grid: int) -> int:
-    """Return the velocity for motor ``i``, at ``x``, from a grid point over ``n`` steps."""
-    return nearest(goals[at + n, i] - x, n * grid, plan[at + n, i] - plan[at, i])
-
-
 @kernel
-def fits(
-    plan: Ints, goals: Ints, state: Ints, i: int, at: int, n: int, v: int, parameters: Ints
-) -> bool:
+def fits(goals: Ints, state: Ints, i: int, at: int, n: int, v: int, parameters: Ints) -> bool:
     """Tell whether velocity ``v`` of motor ``i`` holds the plan for ``n`` grid steps.
 
     It does not if a step comes too early: its first one after the last one before, or the next
@@ -107,7 +100,7 @@ def fits(
     end = x + v * n * grid
     if end // STEP_UNITS == x // STEP_UNITS:
         return True  # what comes after this load is late enough
-    following = best(plan, goals, end, i, at + n, 1, grid)
+    following = nearest(goals[at + n + 1, i] - end, grid)
     return following * v >= 0 or since_crossing(end, v) + first_crossing(end, following) >= least
 
 
@@ -148,8 +141,8 @@ def convert(
         while n > 1:
             good = True
             for i in range(motors):
-                v = best(plan, goals, state[i, POSITION], i, at, n, grid)
-                if not fits(plan, goals, state, i, at, n, v, parameters):
+                v = nearest(goals[at + n, i] - state[i, POSITION], n * grid)
+                if not fits(goals, state, i, at, n, v, parameters):
                     good = False
                     break
                 velocity[used, i] = v
@@ -158,12 +151,12 @@ def convert(
             n //= 2
         if n == 1:
             for i in range(motors):
-                v = best(plan, goals, state[i, POSITION], i, at, 1, grid)
+                v = nearest(goals[at + 1, i] - state[i, POSITION], grid)
                 v = min(max(v, -limit), limit)
                 sign = 1 if goals[at + 1, i] > state[i, POSITION] + v * grid else -1
                 # of velocities about as close, one that loses no step
                 for change in (0, sign, -sign):
-                    if fits(plan, goals, state, i, at, 1, v + change, parameters):
+                    if fits(goals, state, i, at, 1, v + change, parameters):
                         break
                 else:
                     return used, at, LOST, i, first + at

@@ -45,7 +45,7 @@ DEFAULT_DIRECTION: Final = 5e-6  # setup and hold [s]
 LONGEST_TIME: Final = 1e-3  # of a pulse [s]
 FRAME_BITS: Final = 10  # of a byte on the wire
 SHORTEST_REPLY: Final = len(packets.frame(bytes(packets.SHORTEST)))
-FILLER: Final = bytes(packets.LONGEST + 3)  # completes any packet that the board waits for
+FILLER: Final = bytes(256 + 2)  # completes any packet that the board waits for
 QUIET: Final = 0.02  # after that, for the board to answer what was completed [s]
 
 
@@ -495,9 +495,16 @@ class S3GDriver:
         """End the program at once. What it has loaded goes on."""
         self.strobe(1 << reg.STB_BE_ABORT)
 
-    def status(self) -> ProgramStatus:
-        """Return the state of the program executor."""
-        fields = self.read_register("R_BE_CONTROL")
+    def status(self, timeout: float | None = None) -> ProgramStatus:
+        """Return the state of the program executor.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            Time to wait for the reply, other than usual [s].
+        """
+        word = self.request("INPUT", timeout=timeout, register=reg.R_BE_CONTROL)["value"]
+        fields = decode(reg.MAP["R_BE_CONTROL"], word)
         return ProgramStatus(
             bool(fields["busy"]), bool(fields["waiting"]), fields["error"], fields["pc"]
         )

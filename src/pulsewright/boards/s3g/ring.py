@@ -27,7 +27,8 @@ QUARTER: Final = 4  # of a small memory: a packet takes no more
 DONE: Final = control(reg.OP_DONE, DRY)
 ADDRESSES: Final = 1 << 16
 FAR: Final = 4  # packets that the executor must be away from words that one packet replaces
-TIMEOUT: Final = 0.1  # of a packet [s]: the memory holds about a second of motion
+PATIENCE: Final = 4  # packets until one is given up, and a time of the host's own
+HOST_TIME: Final = 0.02  # [s]
 
 
 class ProgramRing:
@@ -57,6 +58,7 @@ class ProgramRing:
         self.tail = self.passed = 0
         self.ended: int | None = None
         self._driver, self._grid, self._packet_cycles = driver, grid, packet_cycles
+        self._timeout = PATIENCE * packet_cycles / driver.bus.clock_hz + HOST_TIME
         self._started = False
         self._noted = 0  # when the board told ``passed``
         self._waiting = np.zeros(0, np.int64)  # words to write
@@ -98,7 +100,7 @@ class ProgramRing:
 
     def start(self) -> int:
         """Start the executor; return the cycle of the start strobe, see `S3GDriver`."""
-        cycle = self._driver.start_program(0, TIMEOUT)
+        cycle = self._driver.start_program(0, self._timeout)
         self._started, self._noted = True, self._driver.bus.now()
         return cycle
 
@@ -133,7 +135,7 @@ class ProgramRing:
 
     def poll(self) -> None:
         """Ask where the executor is."""
-        status = self._driver.status()
+        status = self._driver.status(self._timeout)
         self._note(status.error, status.pc)
 
     def cycles_to(self, word: int) -> int:
@@ -168,7 +170,7 @@ class ProgramRing:
         address = word % ADDRESSES
         reply = self._driver.request(
             "WRITE_BUFFER",
-            timeout=TIMEOUT,
+            timeout=self._timeout,
             retries=0,
             count=len(words),
             address=address,

@@ -192,19 +192,27 @@ def test_verilog_has_the_ports_of_the_board(tmp_path):
 
 def test_area_gives_the_median_clock_of_each_family(tools):
     calls = tools(130.0, 100.0, 120.0)
-    rows = build.area([("pluto_step", "exact")], seeds=(1, 2, 3))
+    rows = build.area(build.DESIGNS[:1], seeds=(1, 2, 3))
     assert [row.family for row in rows] == ["ice40", "ecp5"]
-    assert [(row.slowest_mhz, row.clock_mhz, row.fastest_mhz) for row in rows] == [
-        (100, 120, 130)
-    ] * 2
-    assert [row.original for row in rows] == [(379, 251, 130.5), (305, 251, 175.8)]
+    assert [row.clock_mhz for row in rows] == [120.0, 120.0]
+    assert [row.original.lut for row in rows] == [379, 305]
     scripts = [call for call in calls() if call[0] == "yosys"]
-    assert "synth_ice40 -top top -json design.json" in " ".join(scripts[0])
+    assert "synth_ice40 -top top; write_json design.json" in " ".join(scripts[0])
     page = build.area_page(rows)
     assert (
-        "| pluto_step | exact | ice40 | 7 | 6 | 3 | 2 | 120.0 | 100.0 .. 130.0 "
-        "| 379, 251, 130.5 MHz |" in page
+        "| pluto_step exact, 4 axes | ice40 | 7 | 6 | 3 | 2 | 120.0 | 100.0 .. 130.0 "
+        "| 379 LUT, 130.5 MHz | 300 LUT, 130.0 MHz |" in page
     )
+
+
+def test_a_family_that_is_only_counted_has_no_clock(tools):
+    calls = tools(130.0)
+    design = next(design for design in build.DESIGNS if list(design.families) == ["xc6s"])
+    (row,) = build.area([design], seeds=(1,))
+    assert row.clock_mhz is None
+    assert [call[0] for call in calls()] == ["yosys"]
+    assert "synth_xilinx -family xc6s -top top" in " ".join(calls()[0])
+    assert f"| {design.name} | xc6s | 7 | 6 | 3 | 2 | - | - |" in build.area_page([row])
 
 
 @pytest.mark.campaign

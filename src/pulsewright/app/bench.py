@@ -242,11 +242,12 @@ def area(page: Path | None = None, progress: Progress = silent) -> Figures:
             temporary.write_text(build.area_page(rows))
     figures = []
     for row in rows:
-        what = f"{row.board} {row.profile} on {row.device}"
-        lut = f"<= {row.aim.lut}" if row.aim else "-"
-        clock = f">= {row.aim.clock_mhz:g}" if row.aim else "-"
-        figures.append(_figure("area", what, row.resources.lut, "LUT4", lut))
-        figures.append(_figure("area", f"{what}, median", row.clock_mhz, "MHz", clock))
+        what, aim = f"{row.design.name} on {row.device}", row.aim
+        lut = "-" if aim.lut is None else f"<= {aim.lut}"
+        figures.append(_figure("area", what, row.resources.lut, "LUT", lut))
+        if row.clock_mhz is not None:
+            clock = "-" if aim.clock_mhz is None else f">= {aim.clock_mhz:g}"
+            figures.append(_figure("area", f"{what}, median", row.clock_mhz, "MHz", clock))
     return figures
 
 

@@ -6,7 +6,7 @@ import json
 import shutil
 import statistics
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from amaranth.lib.wiring import Component
 
     from pulsewright.gateware.platforms import Platform
-    from pulsewright.gateware.pll import Family, Pll
+    from pulsewright.gateware.pll import Pll
     from pulsewright.gateware.synth import Implementation, Resources
 
 PLATFORM: Final = "ulx3s"  # with pins for all of pluto_step
@@ -31,25 +31,65 @@ _STARTED: Final = {"yosys": 0.0, "nextpnr-ice40": 0.4, "nextpnr-ecp5": 0.4}
 
 
 @dataclass(frozen=True)
-class Aim:
-    """What a design may take, and the clock it should reach [MHz]."""
+class Figures:
+    """What is known of a design on a family: LUTs, and clock [MHz]; None where nothing is."""
 
-    lut: int
-    clock_mhz: float
+    lut: int | None = None
+    clock_mhz: float | None = None
 
 
-# What `area` measures: board, profile.
-DESIGNS: Final = (("pluto_step", "exact"), ("pluto_step", "extended"), ("usc", "document"))
+@dataclass(frozen=True)
+class Design:
+    """What `area` measures.
+
+    Parameters
+    ----------
+    board, profile : str
+    axes : int
+    families : mapping of str to (Figures, Figures)
+        Of the original controller, measured in the same way, and those to reach.
+    """
+
+    board: str
+    profile: str
+    axes: int
+    families: Mapping[str, tuple[Figures, Figures]]
+
+    @property
+    def name(self) -> str:
+        """For people: ``pluto_step exact, 4 axes``."""
+        return f"{self.board} {self.profile}, {self.axes} ax{'i' if self.axes == 1 else 'e'}s"
+
+
+_OPEN: Final = (Figures(), Figures())
+DESIGNS: Final = (
+    Design(
+        "pluto_step",
+        "exact",
+        4,
+        {
+            "ice40": (Figures(379, 130.5), Figures(300, 130.0)),
+            "ecp5": (Figures(305, 175.8), Figures(240, 175.0)),
+        },
+    ),
+    Design("pluto_step", "extended", 4, {"ice40": _OPEN, "ecp5": _OPEN}),
+    Design("usc", "document", 4, {"ice40": _OPEN, "ecp5": _OPEN}),
+    Design("s3g", "exact", 1, {"xc6s": (Figures(1798), Figures(1500))}),
+    Design(
+        "s3g",
+        "exact",
+        2,
+        {
+            # the original does not fit; 46.7 MHz with its program memory cut
+            "ice40": (Figures(), Figures(None, 50.0)),
+            "ecp5": (Figures(None, 65.4), Figures(None, 80.0)),
+            "xc6s": (Figures(1798 + 910), Figures(1500 + 600)),
+        },
+    ),
+    Design("s3g", "robust", 1, {"xc6s": (Figures(), Figures(1200))}),
+    Design("s3g", "robust", 2, {"xc6s": (Figures(), Figures(1200 + 250))}),
+)
 SEEDS: Final = (1, 2, 3, 4, 5, 6, 7)
-# The same figures of the original controller: LUT, FF, clock [MHz]. And what ours may take.
-ORIGINAL: Final = {
-    ("pluto_step", "exact", "ice40"): (379, 251, 130.5),
-    ("pluto_step", "exact", "ecp5"): (305, 251, 175.8),
-}
-AIM: Final = {
-    ("pluto_step", "exact", "ice40"): Aim(300, 130.0),
-    ("pluto_step", "exact", "ecp5"): Aim(240, 175.0),
-}
 
 
 @dataclass(frozen=True)
@@ -276,41 +316,44 @@ class Area:
 
     Parameters
     ----------
-    board, profile, family, device : str
+    design : Design
+    family, device : str
         ``device`` is the one whose clock is given.
     resources : Resources
-    clock_mhz : float
-        Median over placements of the fastest clock [MHz].
-    slowest_mhz, fastest_mhz : float
-        Of these placements.
-    original : tuple of (int, int, float) or None
-        LUT, FF and clock [MHz] of the original controller, measured in the same way.
-    aim : Aim or None
+    reached : tuple of float
+        Fastest clock of each placement [MHz]; empty where the family is only counted.
     """
 
-    board: str
-    profile: str
+    design: Design
     family: str
     device: str
     resources: Resources
-    clock_mhz: float
-    slowest_mhz: float
-    fastest_mhz: float
-    original: tuple[int, int, float] | None
-    aim: Aim | None
+    reached: tuple[float, ...]
+
+    @property
+    def clock_mhz(self) -> float | None:
+        """Median of the placements [MHz]."""
+        return statistics.median(self.reached) if self.reached else None
+
+    @property
+    def original(self) -> Figures:
+        """Those of the original controller."""
+        return self.design.families[self.family][0]
+
+    @property
+    def aim(self) -> Figures:
+        """Those to reach."""
+        return self.design.families[self.family][1]
 
 
 def area(
-    designs: Sequence[tuple[str, str]],
-    seeds: Sequence[int],
-    progress: Progress = silent,
+    designs: Sequence[Design], seeds: Sequence[int], progress: Progress = silent
 ) -> list[Area]:
-    """Measure designs, each on both FPGA families.
+    """Measure designs, each on its FPGA families.
 
     Parameters
     ----------
-    designs : sequence of (str, str)
-        Board and profile.
+    designs : sequence of Design
     seeds : sequence of int
         Of placement.
 
@@ -321,31 +364,20 @@ def area(
     """
     from pulsewright.gateware import synth
 
-    jobs: list[tuple[str, str, Family]] = [
-        (board, profile, family) for board, profile in designs for family in synth.DEVICES
-    ]
+    jobs = [(design, family) for design in designs for family in design.families]
     rows = []
-    for n, (board, profile, family) in enumerate(jobs):
+    for n, (design, family) in enumerate(jobs):
         progress("area", n / len(jobs))
-        room = boards.get(board)
-        room.switches(profile)
+        room = boards.get(design.board)
+        room.switches(design.profile)
+        component = _gateware(room, design.profile, design.axes, family)
         with tempfile.TemporaryDirectory(prefix="pulsewright-") as folder:
-            resources = synth.synthesise(_gateware(room, profile, None, family), family, folder)
-            reached = synth.reach(family, folder, seeds)
-        rows.append(
-            Area(
-                board=board,
-                profile=profile,
-                family=family,
-                device=synth.DEVICES[family][0],
-                resources=resources,
-                clock_mhz=statistics.median(reached),
-                slowest_mhz=min(reached),
-                fastest_mhz=max(reached),
-                original=ORIGINAL.get((board, profile, family)),
-                aim=AIM.get((board, profile, family)),
-            )
-        )
+            resources = synth.synthesise(component, family, folder)
+            device, reached = family, []
+            if family in synth.DEVICES:
+                device = synth.DEVICES[family][0]
+                reached = synth.reach(family, folder, seeds)
+        rows.append(Area(design, family, device, resources, tuple(reached)))
     progress("area", 1.0)
     return rows
 
@@ -362,28 +394,40 @@ def area_page(rows: Sequence[Area]) -> str:
         "Written by `pulsewright bench area --page docs/resources.md`; do not edit.",
         "",
         "Each design by itself, without pads and PLL and with the reset it has in bitstreams.",
-        "Yosys' `synth_ice40` and `synth_ecp5` with default options; the clock is the median of",
-        f"{len(SEEDS)} placements by nextpnr, with the slowest and the fastest of them.",
-        f"Devices: {' and '.join(device for device, _ in DEVICES.values())}. Tools: {versions}.",
+        "Yosys' `synth_ice40`, `synth_ecp5` and `synth_xilinx -family xc6s` with default options;",
+        f"the clock is the median of {len(SEEDS)} placements by nextpnr, with the slowest and the",
+        f"fastest of them. Devices: {' and '.join(device for device, _ in DEVICES.values())}. "
+        "The xc6s, which the original",
+        f"of the s3g was made for, is counted only. Tools: {versions}.",
         "",
-        "| board | profile | family | LUT4 | FF | carry | block RAM | clock [MHz] | range [MHz] "
-        "| original: LUT4, FF, clock |",
-        "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | --- | --- |",
+        "| design | family | LUT | FF | carry | block RAM | clock [MHz] | range [MHz] "
+        "| original: LUT, clock | aim |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | --- | --- | --- |",
     ]
     for row in rows:
         r = row.resources
-        original = "{}, {}, {:.1f} MHz".format(*row.original) if row.original else "-"
+        clock, span = "-", "-"
+        if row.reached:
+            clock = f"{row.clock_mhz:.1f}"
+            span = f"{min(row.reached):.1f} .. {max(row.reached):.1f}"
         lines.append(
-            f"| {row.board} | {row.profile} | {row.family} | {r.lut} | {r.ff} | {r.carry} "
-            f"| {r.bram} | {row.clock_mhz:.1f} | {row.slowest_mhz:.1f} .. {row.fastest_mhz:.1f} "
-            f"| {original} |"
+            f"| {row.design.name} | {row.family} | {r.lut} | {r.ff} | {r.carry} | {r.bram} "
+            f"| {clock} | {span} | {_words(row.original)} | {_words(row.aim)} |"
         )
     lines += [
         "",
-        "A carry cell is one bit on the iCE40 (SB_CARRY, in the logic cell of a LUT) and two bits",
-        "with their own two LUTs on the ECP5 (CCU2C); the LUTs inside CCU2C are not in LUT4.",
+        "LUTs have 4 inputs; those of the xc6s up to 6. A carry cell is one bit on the iCE40",
+        "(SB_CARRY, in the logic cell of a LUT), two bits with their own two LUTs on the ECP5",
+        "(CCU2C; these LUTs are not in the column), four bits on the xc6s (CARRY4). The s3g has",
+        "8192 words of program memory, on the iCE40 2048.",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _words(figures: Figures) -> str:
+    words = [] if figures.lut is None else [f"{figures.lut} LUT"]
+    words += [] if figures.clock_mhz is None else [f"{figures.clock_mhz:.1f} MHz"]
+    return ", ".join(words) or "-"
 
 
 def _grouped(pins: Sequence[str]) -> str:

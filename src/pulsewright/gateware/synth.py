@@ -43,9 +43,14 @@ DEVICES: Final[dict[Family, tuple[str, tuple[str, ...]]]] = {
     "ice40": ("HX8K-CT256", ("--hx8k", "--package", "ct256")),
     "ecp5": ("ECP5-25k, grade 6", ("--25k", "--package", "CABGA381", "--speed", "6")),
 }
+SIZED: Final = ("xc6s",)  # further families, whose cells are counted, but not placed
 SUFFIX: Final[dict[Family, str]] = {"ice40": ".bin", "ecp5": ".bit"}  # of a bitstream
 _STAT: Final = "tee -q -o stat.json stat -json"
-_RAM: Final = ("SB_RAM40_4K", "DP16KD", "PDPW16KD")
+# Names of cells: by how they begin.
+_LUT: Final = ("SB_LUT4", "LUT1", "LUT2", "LUT3", "LUT4", "LUT5", "LUT6")
+_FF: Final = ("SB_DFF", "TRELLIS_FF", "FD")
+_CARRY: Final = ("SB_CARRY", "CCU2C", "CARRY4")
+_RAM: Final = ("SB_RAM40_4K", "DP16KD", "PDPW16KD", "RAMB")
 # Simulation models of cells; only those that are used are read, as some are very large.
 _MODELS: Final[dict[Family, str]] = {
     "ice40": "read_verilog -defer -D NO_ICE40_DEFAULT_ASSIGNMENTS +/ice40/cells_sim.v",
@@ -60,8 +65,8 @@ class Resources:
     Parameters
     ----------
     lut, ff, carry, bram : int
-        4-input LUTs, flip-flops, carry cells (SB_CARRY: one bit; CCU2C: two bits and the LUTs
-        beside them) and block RAMs.
+        LUTs (of 4 inputs; xc6s: of up to 6), flip-flops, carry cells (SB_CARRY: one bit; CCU2C: two
+        bits and the LUTs beside them; CARRY4: four bits) and block RAMs.
     """
 
     lut: int
@@ -165,13 +170,15 @@ def verilog(component: Component, name: str) -> str:
         return (folder / "design.v").read_text()
 
 
-def synthesise(component: Component, family: Family, folder: Path | str) -> Resources:
+def synthesise(component: Component, family: str, folder: Path | str) -> Resources:
     """Write ``design.json``, the netlist of a component by itself, to ``folder``.
 
-    It is made with the options that Yosys has by default, and reset as in bitstreams.
+    It is made with the options that Yosys has by default, and reset as in bitstreams. ``family`` is
+    one of `DEVICES` or `SIZED`.
     """
     Path(folder, "design.il").write_text(_alone(component, family))
-    script = f"read_rtlil design.il; synth_{family} -top top -json design.json; {_STAT}"
+    command = f"synth_xilinx -family {family}" if family in SIZED else f"synth_{family}"
+    script = f"read_rtlil design.il; {command} -top top; write_json design.json; {_STAT}"
     run_tool("yosys", ["-q", "-p", script], folder)
     return _resources(Path(folder, "stat.json"))
 
@@ -286,7 +293,7 @@ def _folder() -> Iterator[Path]:
         yield Path(name)
 
 
-def _alone(component: Component, family: Family) -> str:
+def _alone(component: Component, family: str) -> str:
     """Return a component by itself as RTLIL, reset in the way of the family's bitstreams."""
     m = Module()
     domain = sync_domain(family)
@@ -299,12 +306,11 @@ def _alone(component: Component, family: Family) -> str:
 
 def _resources(stat: Path) -> Resources:
     cells: dict[str, int] = json.loads(stat.read_text())["design"]["num_cells_by_type"]
-    return Resources(
-        lut=cells.get("SB_LUT4", 0) + cells.get("LUT4", 0),
-        ff=sum(n for cell, n in cells.items() if cell.startswith(("SB_DFF", "TRELLIS_FF"))),
-        carry=cells.get("SB_CARRY", 0) + cells.get("CCU2C", 0),
-        bram=sum(cells.get(cell, 0) for cell in _RAM),
-    )
+
+    def count(names: tuple[str, ...]) -> int:
+        return sum(n for cell, n in cells.items() if cell.startswith(names))
+
+    return Resources(lut=count(_LUT), ff=count(_FF), carry=count(_CARRY), bram=count(_RAM))
 
 
 def _clocks(report: Path) -> list[Clock]:

@@ -25,15 +25,15 @@ from pulsewright.gateware.pins import ACTIVE_HIGH, Pad, PinMap, pads
 from pulsewright.gateware.pll import Family, Pll
 
 
-def sync_domain(family: Family) -> ClockDomain:
+def sync_domain(family: str) -> ClockDomain:
     """Return the clock domain of a component, with the reset that costs least.
 
     Flip-flops of the ECP5 are reset by a net of their own (GSR), those of the iCE40 have an
     asynchronous reset; it is released in step with the clock.
     """
-    if family == "ecp5":
-        return ClockDomain("sync", reset_less=True)
-    return ClockDomain("sync", async_reset=True)
+    if family == "ice40":
+        return ClockDomain("sync", async_reset=True)
+    return ClockDomain("sync", reset_less=True)
 
 
 class Ring(Component):

@@ -264,7 +264,7 @@ def test_a_reversal_that_would_lose_a_step_is_told_from_the_others():
     from pulsewright.boards.s3g.commands_kernel import LOST, convert
 
     grid = 40_000
-    # the first step down comes 11 clocks later, 111 after the other one; at -1 there is time to wait
+    # the first step down is 11 clocks away, 111 from the other one; at -1 it may wait for a load
     for least, velocity, lost in [(112, -20, True), (111, -20, False), (500, -1, False)]:
         state = np.array([[3 * U + 10 * -velocity, 7 * grid - 100, 1]])
         goals = state[0, 0] + np.arange(10)[:, None] * velocity * grid

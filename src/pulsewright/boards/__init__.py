@@ -84,12 +84,14 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **opt
     board = get(name)
     profile = board.default_profile if profile is None else profile
     board.switches(profile, **{k: v for k, v in options.items() if k not in board.parameters})
+    if link.startswith("serial:") and board.bus == "serial":
+        path, baud = _serial_port(board, link)
+        options = {"baud1": baud} | options
+        return board.driver(_open_port(board, path, baud), profile, **options)
     return board.driver(_open_bus(board, link, profile, options), profile, **options)
 
 
 def _open_bus(board: Board, link: str, profile: str, options: dict[str, int]) -> EppBus | SerialBus:
-    if link.startswith("serial:") and board.bus == "serial":
-        return _serial_port(board, link)
     if link not in ("twin:", "rtl:"):
         usable = "; ".join(f"'{url}' ({what})" for url, what in LINKS.items())
         raise UsageError(
@@ -105,15 +107,22 @@ def _open_bus(board: Board, link: str, profile: str, options: dict[str, int]) ->
     return VirtualEppBus(simulated)
 
 
-def _serial_port(board: Board, link: str) -> SerialBus:
-    """Open ``serial:PATH?baud=N``; without a rate, at the one of the board's first port."""
-    constants = {constant.name: constant.value for constant in board.registers().constants}
+def _serial_port(board: Board, link: str) -> tuple[str, int]:
+    """Read ``serial:PATH?baud=N``; without a rate, it is that of the board's first port."""
     url = urlsplit(link)
     query = dict(parse_qsl(url.query, keep_blank_values=True))
-    baud = query.pop("baud", str(constants["BAUD1"]))
+    baud = query.pop("baud", str(_constant(board, "BAUD1")))
     if not url.path or query or not baud.isdecimal():
         raise UsageError(f"link '{link}': expected serial:PATH?baud=N, with N in baud")
+    return url.path, int(baud)
 
+
+def _open_port(board: Board, path: str, baud: int) -> SerialBus:
     from pulsewright.transport.serial_port import PortSerialBus
 
-    return PortSerialBus(url.path, int(baud), constants["CLOCK_HZ"])
+    return PortSerialBus(path, baud, _constant(board, "CLOCK_HZ"))
+
+
+def _constant(board: Board, name: str) -> int:
+    constants = {constant.name: constant.value for constant in board.registers().constants}
+    return constants[name]

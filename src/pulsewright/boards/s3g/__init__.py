@@ -14,10 +14,10 @@ from pulsewright.boards.s3g.registers import (
     MAX_CHANNELS,
     PROFILES,
 )
-from pulsewright.errors import UsageError
 
 if TYPE_CHECKING:
     from pulsewright.boards.board import Load, Replay
+    from pulsewright.boards.rtl_serial import RtlSerialBoard
     from pulsewright.boards.s3g.driver import S3GDriver
     from pulsewright.boards.s3g.gateware import S3G
     from pulsewright.boards.s3g.player import S3GPlayer
@@ -41,8 +41,22 @@ def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> S3GTwin:
     return S3GTwin(profile, **options)
 
 
-def _rtl(profile: str = DEFAULT_PROFILE, **options: int) -> Any:
-    raise UsageError("s3g: its gateware cannot be simulated behind a link yet; use twin:")
+def _rtl(profile: str = DEFAULT_PROFILE, **options: int) -> RtlSerialBoard:
+    from pulsewright.boards.rtl_serial import RtlSerialBoard, SerialPins
+    from pulsewright.boards.s3g.gateware import S3G, pins
+    from pulsewright.boards.s3g.registers import BAUD2, CLOCK_HZ, READY_CYCLES
+
+    return RtlSerialBoard(
+        S3G(profile, **options),
+        clock_hz=CLOCK_HZ,
+        ports=(
+            SerialPins("avr_tx", "avr_rx", options.get("baud1", BAUD1)),
+            SerialPins("ext_tx", "ext_rx", options.get("baud2", BAUD2)),
+        ),
+        idle={"rst_n": 1, "cclk": 1},
+        pins=pins(options.get("channels", CHANNELS)),
+        listens=READY_CYCLES,
+    )
 
 
 def _gateware(profile: str = DEFAULT_PROFILE, axes: int | None = None, **options: int) -> S3G:

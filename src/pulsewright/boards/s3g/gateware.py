@@ -40,6 +40,14 @@ VALUES_PER_CHANNEL: Final = registers.W_X_VAL_LO[1] - registers.W_X_VAL_LO[0]
 CONTROL_CHANNELS: Final = 3  # that the first control register has room for
 
 
+def pins(channels: int) -> dict[str, tuple[str, int]]:
+    """Return the output pins of a board, serial ones excepted: output port and bit of each."""
+    motor = ("step", "dir", "enable")
+    return {f"led{n}": ("led", n) for n in range(8)} | {
+        f"mot{c}_{name}": (f"mot_{name}", c) for c in range(channels) for name in motor
+    }
+
+
 class _Core(Component):
     """All of the board that is reset until it is ready."""
 

@@ -215,13 +215,50 @@ def test_a_family_that_is_only_counted_has_no_clock(tools):
     assert f"| {design.name} | xc6s | 7 | 6 | 3 | 2 | - | - |" in build.area_page([row])
 
 
+ICE40, ECP5 = b"\x7e\xaa\x99\x7e", b"\xff\xff\xbd\xb3"  # how bitstreams begin
+
+
 @pytest.mark.campaign
-@pytest.mark.parametrize("platform", ["icebreaker", "orangecrab"])
-def test_a_whole_bitstream(tmp_path, platform):
-    result = build.run("pluto_step", platform, out=tmp_path)
+@pytest.mark.parametrize(
+    ("board", "platform", "preamble", "clock"),
+    [
+        ("pluto_step", "icebreaker", ICE40, 40.0),
+        ("pluto_step", "orangecrab", ECP5, 40.0),
+        ("s3g", "hx8k", ICE40, 50.0),
+        ("s3g", "ulx3s", ECP5, 50.0),
+    ],
+)
+def test_a_whole_bitstream(tmp_path, board, platform, preamble, clock):
+    result = build.run(board, platform, out=tmp_path)
     assert result.passed
-    data = result.files[0].read_bytes()
-    preamble = {"icebreaker": b"\x7e\xaa\x99\x7e", "orangecrab": b"\xff\xff\xbd\xb3"}[platform]
-    assert preamble in data[:2048]
-    assert all(clock.reached >= clock.goal for clock in result.implementation.clocks)
-    assert {clock.goal for clock in result.implementation.clocks} >= {40.0}
+    assert preamble in result.files[0].read_bytes()[:2048]
+    assert all(made.reached >= made.goal for made in result.implementation.clocks)
+    assert clock in {made.goal for made in result.implementation.clocks}
+
+
+def test_the_serial_port_is_where_the_platform_has_it(tools, tmp_path):
+    tools(60.0)
+    result = build.run("s3g", "hx8k", out=tmp_path, axes=3)
+    wired = {port: pins for port, _, pins, _ in result.pins}
+    assert wired["avr_tx"] == ("uart_0:rx",)
+    assert wired["avr_rx"] == ("uart_0:tx",)
+    assert len(wired["mot_step[0..2]"]) == 3
+    assert not any(
+        pin.startswith("uart") for port, pins in wired.items() if "avr" not in port for pin in pins
+    )
+    tools(60.0)
+    usc = build.run("usc", "hx8k", out=tmp_path)
+    assert not any(pin.startswith("uart") for _, _, pins, _ in usc.pins for pin in pins)
+
+
+@pytest.mark.parametrize(
+    ("platform", "axes", "message"),
+    [
+        ("orangecrab", 2, "cannot make 50 MHz exactly from 48 MHz"),
+        ("hx8k", 7, "7 axes asked; s3g has 1 to 6"),
+    ],
+)
+def test_an_s3g_that_cannot_be_built(tools, tmp_path, platform, axes, message):
+    tools(60.0)
+    with pytest.raises(UsageError, match=message):
+        build.run("s3g", platform, out=tmp_path, axes=axes)

@@ -95,7 +95,7 @@ def _open_bus(board: Board, link: str, profile: str, options: dict[str, int]) ->
     if link not in ("twin:", "rtl:"):
         usable = "; ".join(f"'{url}' ({what})" for url, what in LINKS.items())
         raise UsageError(
-            f"link '{link}' is not one that {board.name} can be opened at; there are {usable}"
+            f"link '{link}' is not one that {board.name} can be opened at; usable are {usable}"
         )
     simulated = (board.twin if link == "twin:" else board.rtl)(profile, **options)
     if board.bus == "serial":

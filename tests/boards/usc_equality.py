@@ -252,7 +252,7 @@ def with_times(random, accesses, flaws, pauses):
     return cycles
 
 
-def traffic(random, pair, size, flaws=30, quiet=False):
+def traffic(random, pair, size, flaws=30, quiet=False, slower=1):
     """Random changes at all pins, and the cycle at which they end.
 
     Parameters
@@ -265,7 +265,9 @@ def traffic(random, pair, size, flaws=30, quiet=False):
         Bus cycles in a thousand that are illegal; none where axes are absent, for they might load
         a position there.
     quiet : bool
-        Long pauses, in which timers and slow axes have time to act.
+        Long pauses, in which timers and slow axes have time to act; inputs are slower by 50.
+    slower : int
+        Time between changes of the inputs of boards, times this.
     """
     rng = np.random.default_rng(random.getrandbits(64))
     pauses = (1, 400, 4_000, 40_000) if quiet else (1, 1, 1, 40, 400)
@@ -277,7 +279,7 @@ def traffic(random, pair, size, flaws=30, quiet=False):
     changes, end = bus_changes([cycle for part in cycles for cycle in part], 3)
     parts = [changes]
     for b in range(pair.boards):
-        parts += [board_changes(rng, pair, b, end, 50 if quiet else 1)]
+        parts += [board_changes(rng, pair, b, end, slower * (50 if quiet else 1))]
     resets = np.sort(rng.integers(end, size=rng.poisson(end / 200_000)))
     parts += [np.stack([resets, 0 * resets + NINIT, 0 * resets], 1)]
     lasts = resets + rng.integers(1, 20, size=len(resets))

@@ -365,6 +365,17 @@ def test_a_program_word_is_decoded_two_cycles_after_its_write(after, led):
     assert host.edges("led0", 1) == [decoded + 1] * led
 
 
+def test_a_copy_longer_than_the_buffer_goes_on_at_its_head():
+    """Word 50 has bytes 256 to 260, which are tag, command, count and address: OUTPUT 0 = tag."""
+    host = Host()
+    payload = bytes([0xA5, 0, 65, 51, 0x40, 0]) + bytes(249)
+    assert host.ask(frame(payload).hex())[1][8:10] == "81"
+    host.write(r62=0x40 + 50)
+    start = host.strobe(1 << 29)
+    host.advance(start + 10)
+    assert [len(host.edges(f"led{n}", 1)) for n in range(8)] == [1, 0, 1, 0, 0, 1, 0, 1]
+
+
 @pytest.mark.parametrize(("ahead", "led"), [(1, 1), (0, 2), (-1, 1)])
 def test_an_output_of_the_host_delays_that_of_a_program_by_a_cycle(ahead, led):
     host = long_program()
@@ -443,15 +454,27 @@ def test_a_host_that_does_not_listen_is_told_what_it_has_lost():
     assert len(host.twin.receive(2)) in (65_535, 65_536)  # one may still be on its way
 
 
-def test_a_glitch_is_no_start_bit_and_a_low_stop_bit_drops_the_byte():
+@pytest.mark.parametrize(("low", "answers"), [(10, ["d505010081bace34"]), (11, [])])
+def test_a_start_bit_is_checked_ten_enables_after_it_is_seen(low, answers):
+    """So 10 low cycles are a glitch; 11 are a byte, and the packet that begins in it is lost."""
     host = Host()
     start = host.twin.now + 100
-    # checked 10 cycles after the enable that sees it: 10 low cycles are a glitch, 11 a start bit
-    host.twin.schedule([start, start + 10], "avr_tx", [0, 1])
-    host.twin.schedule([start + 200, start + 200 + 160], "avr_tx", [0, 1])  # a break: byte dropped
-    host.advance(start + 1000)
+    host.twin.schedule([start, start + low], "avr_tx", [0, 1])
+    host.send(VERSION, cycle=start + 20)
+    host.advance(start + 5000)
+    assert [packet for _, packet in host.sent()] == answers
+
+
+def test_a_byte_with_a_low_stop_bit_is_dropped():
+    host = Host()
+    start = host.twin.now + 100
+    # 0xD5 without its stop bit, and then the rest of a packet: nothing of it is heard
+    bits = [0, *(0xD5 >> bit & 1 for bit in range(8)), 0, 1]
+    host.twin.schedule(start + BIT * np.arange(11), "avr_tx", bits)
+    host.send(VERSION[2:], cycle=start + 20 * BIT)
+    host.advance(start + 5000)
+    assert host.sent() == []
     assert host.ask(VERSION)[1] == "d505010081bace34"
-    assert len(host.sent()) == 1
 
 
 def test_a_header_among_rubbish_is_found():

@@ -111,12 +111,12 @@ def test_a_session_is_the_same_on_gateware_and_twin(profile):
     def session(board):
         bus, heard = VirtualSerialBus(board), []
         values = {5: 20, 7: 3, 1: 5, 2: 2000, 10: 3000, 18: -2500 & 0xFFFFFFFF, 11: 10}
-        requests = [packets.version(1)]
-        requests += [packets.write_output(2, *item) for item in values.items()]
-        requests += [packets.write_output(3, 3, 0x1E1E0F), packets.strobe(4, 1)]
-        for request in [*requests, packets.read_input(5, 0)]:
+        requests = [(packets.version(1), 8)]
+        requests += [(packets.write_output(2, *item), 6) for item in values.items()]
+        requests += [(packets.write_output(3, 3, 0x1E1E0F), 6), (packets.strobe(4, 1), 6)]
+        for request, answer in [*requests, (packets.read_input(5, 0), 10)]:
             bus.write(request)
-            heard.append((bus.read(100, 0.02, min_bytes=6), bus.now()))
+            heard.append((bus.read(100, 0.02, min_bytes=answer), bus.now()))
         bus.sleep(0.01)
         heard.append((bus.read(100, 0.05), bus.now()))
         return heard, board.drain()

@@ -152,21 +152,26 @@ class ProfileGenerator(Component):
         equal = Signal()
         m.d.comb += equal.eq(v == target)
 
-        # Velocities of the next step, if nothing is special, or in an abort if v > limit.
-        faster = _sum(v, Mux(self.aborting, limit, a))
+        # Velocities of the next step, if nothing is special, or in an abort if v > limit. Numbers
+        # with their sign flipped are those that unsigned comparisons need, and a sum with one
+        # flipped operand is flipped itself, which spares a gate between the two carry chains.
+        change = Mux(self.aborting, limit, a)
+        flipped = _sum(_flip(v), change)[:32]
+        faster = _flip(flipped)
+        negative = Mux(v[31] ^ change[31], faster[31], v[31])  # v + change, that does not wrap
         slower = v.as_signed() - Mux(self.aborting, limit, target).as_signed()
         above = ~slower[32]  # v >= target, or in an abort v >= limit
 
         # Both comparisons are there for both directions, as the direction is known late.
-        not_below = _at_least(target, faster[:32])
-        beyond = _at_least(target, faster[:32], strictly=True)
+        not_below = _at_least(_flip(target), flipped)
+        beyond = _at_least(_flip(target), flipped, strictly=True)
         past = Mux(above, beyond, ~not_below)
 
         # In an abort. v = limit > 0 is taken as v > limit, which comes to the same.
         exactly_negative = limit[31] & (v == limit)
         slows = self.aborting & above & ~equal & ~exactly_negative
-        goes_on = self.aborting & ~equal & Mux(above, exactly_negative, faster[32])
-        stops = self.aborting & ~above & ~faster[32]
+        goes_on = self.aborting & ~equal & Mux(above, exactly_negative, negative)
+        stops = self.aborting & ~above & ~negative
 
         # The target, which is reached early or late in the cycle.
         seeks = has_target & ~self.aborting
@@ -200,7 +205,7 @@ class ProfileGenerator(Component):
                 Mux(
                     reached | set_v,
                     Mux(special, values[V], target),
-                    Mux(special, slower[:32], faster[:32]),
+                    Mux(special, slower[:32], faster),
                 )
             )
         with m.If(self.step | set_a):
@@ -218,7 +223,7 @@ class ProfileGenerator(Component):
             m.d.sync += j.eq(Mux(set_j, values[J], j + jj))
         with m.If(set_jj):
             m.d.sync += jj.eq(values[JJ])
-        with m.If(self.step & (reached | self.aborting)):
+        with m.If(self.step & (at_once | self.aborting) | self.step & seeks & past):
             m.d.sync += [j.eq(0), jj.eq(0)]
         with m.If(self.done):
             m.d.sync += target.eq(0)
@@ -300,10 +305,14 @@ def _sum(a: Value, b: Value) -> Value:
     return (Cat(Const(0, 1), a) - Cat(Const(1, 1), b))[1 : len(a) + 1]
 
 
+def _flip(a: Value) -> Value:
+    """Return a signed number less its lowest value, so that it is not negative."""
+    return Cat(a[:-1], ~a[-1])
+
+
 def _at_least(a: Value, b: Value, strictly: bool = False) -> Value:
-    """Return whether a >= b, or with ``strictly`` a > b; signed numbers of 32 bits.
+    """Return whether a >= b, or with ``strictly`` a > b; unsigned numbers.
 
     It is the borrow of a - b: a single one, as carry chains are fast while nothing looks inside.
     """
-    a, b = Cat(a[:31], ~a[31]), Cat(b[:31], ~b[31])
-    return ~(Cat(Const(0, 1), a) - Cat(Const(strictly, 1), b))[33]
+    return ~(Cat(Const(0, 1), a) - Cat(Const(strictly, 1), b))[len(a) + 1]

@@ -17,6 +17,7 @@ from pulsewright.twin.kernel import hot, kernel
 RESERVE: Final = 16  # places that pulse trains leave free in a row
 NEARLY_FULL: Final = 2 * RESERVE  # a row with fewer free places is to grow before the next event
 FIRST_ROOM: Final = 1024  # edges a row holds at first
+_NONE: Final = np.zeros(0, np.int64)
 
 # One pin: where its row begins, how many edges the row can hold and holds, present level.
 PIN: Final = np.dtype([(name, np.int64) for name in ("first", "room", "used", "level")])
@@ -128,7 +129,10 @@ class Recorder:
         rows = self.rows
         cycles = []
         for row, (first, _, used, _) in enumerate(rows.pins.tolist()):
-            late = int(used > 0 and rows.cycles[first + used - 1] == end)
+            if not used:  # as most pins are in a short time
+                cycles.append(_NONE)
+                continue
+            late = int(rows.cycles[first + used - 1] == end)
             whole = rows.cycles[first : first + used - late]
             cycles.append(whole.copy() if copy or late else whole)
             if late:

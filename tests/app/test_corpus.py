@@ -30,3 +30,9 @@ def test_real_programs_pass_on_the_default_machine(name, corpus):
 def test_real_programs_pass_on_pluto_step(name, corpus):
     result = Job.from_gcode(corpus / name).run(board="pluto_step")
     assert result.passed, result.text()
+
+
+@pytest.mark.parametrize("name", cases(SHORT[-2:], SHORT[:-2] + LONG[:2]))
+def test_real_programs_pass_on_s3g(name, corpus):
+    result = Job.from_gcode(corpus / name).run(board="s3g")
+    assert result.passed, result.text()

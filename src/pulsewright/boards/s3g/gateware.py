@@ -16,9 +16,8 @@ from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.s3g import registers
 from pulsewright.boards.s3g.gateware_motion import (
     LOAD_BITS,
-    STEP_BIT,
     AccelerationSteps,
-    ProfileGenerator,
+    Profiles,
     PulseFormer,
 )
 from pulsewright.boards.s3g.gateware_program import (
@@ -30,13 +29,13 @@ from pulsewright.boards.s3g.gateware_program import (
     placed,
 )
 from pulsewright.boards.s3g.gateware_serial import PacketReceiver, PacketSender, SerialExecutor
+from pulsewright.boards.s3g.gateware_shared import SharedProfiles
 from pulsewright.errors import UsageError
 from pulsewright.gateware.uart import BaudGenerator, UartReceiver, UartTransmitter
 
 WORD_BITS: Final = 8 * registers.PROG_WORD_BYTES
 PROG_WORDS_MAX: Final = 1 << 16
 BAUD_MAX: Final = registers.BAUD_UNIT * registers.BAUD_LIMIT
-VALUES_PER_CHANNEL: Final = registers.W_X_VAL_LO[1] - registers.W_X_VAL_LO[0]
 CONTROL_CHANNELS: Final = 3  # that the first control register has room for
 
 
@@ -52,12 +51,19 @@ class _Core(Component):
     """All of the board that is reset until it is ready."""
 
     def __init__(
-        self, channels: int, ints_timer: int, prog_words: int, switches: dict[str, int]
+        self,
+        channels: int,
+        ints_timer: int,
+        prog_words: int,
+        shared: bool,
+        switches: dict[str, int],
     ) -> None:
         self._channels, self._ints_timer, self._prog_words = channels, ints_timer, prog_words
-        self._switches = switches
+        self._shared, self._switches = shared, switches
         super().__init__(
             {
+                "clear": In(1),
+                "clear_address": In(7),
                 "enable": In(2),
                 "rx": In(2),
                 "tx": Out(2, init=3),
@@ -79,7 +85,7 @@ class _Core(Component):
         m.submodules.program = program = ProgramExecutor()
         m.submodules.interrupts = interrupts = Interrupts(repeat=self._ints_timer)
         m.submodules.steps = steps = AccelerationSteps(
-            abort_dt_latched=bool(self._switches["abort_dt_latched"])
+            abort_dt_latched=bool(self._switches["abort_dt_latched"]), paced=self._shared
         )
         self._serial(m, executor)
 
@@ -119,10 +125,28 @@ class _Core(Component):
             executor.status.eq(program.status),
             executor.dt.eq(steps.dt),
             executor.steps.eq(steps.steps),
-            steps.load.eq(load),
         ]
-        self._registers(m, executor, program, steps)
+        profiles = m.submodules.profiles = self._profiles(m, load, steps)
+        self._registers(m, executor, program, steps, profiles)
         return m
+
+    def _profiles(
+        self, m: Module, load: Value, steps: AccelerationSteps
+    ) -> Profiles | SharedProfiles:
+        """Add profiles; shared ones take loads and acceleration steps when they have time."""
+        if not self._shared:
+            m.d.comb += steps.load.eq(load)
+            return Profiles(self._channels)
+        profiles = SharedProfiles(self._channels)
+        held = Signal()
+        m.d.sync += held.eq((load | held) & ~profiles.free)
+        m.d.comb += [
+            steps.load.eq((load | held) & profiles.free),
+            steps.ready.eq(profiles.ready),
+            profiles.clear.eq(self.clear),
+            profiles.clear_address.eq(self.clear_address),
+        ]
+        return profiles
 
     def _serial(self, m: Module, executor: SerialExecutor) -> None:
         """Add ports, packets and the receive buffer."""
@@ -173,6 +197,7 @@ class _Core(Component):
         executor: SerialExecutor,
         program: ProgramExecutor,
         steps: AccelerationSteps,
+        profiles: Profiles | SharedProfiles,
     ) -> None:
         """Add output registers and what they control."""
         write, address, data = Signal(), Signal(6), Signal(32)
@@ -210,26 +235,21 @@ class _Core(Component):
             Cat(steps.set_steps, steps.set_dt, steps.reset_steps, steps.reset_dt).eq(control[:4]),
         ]
 
-        late_data, late_x = Signal(STEP_BIT), Signal(channels)
-        m.d.sync += [late_data.eq(data), late_x.eq(0)]
+        m.d.comb += [
+            profiles.write.eq(write),
+            profiles.address.eq(address),
+            profiles.data.eq(data),
+            profiles.load.eq(steps.load),
+            profiles.select.eq(Cat(selects[:channels])),
+            profiles.step.eq(steps.step),
+            profiles.aborting.eq(steps.aborting),
+            profiles.done.eq(steps.done),
+        ]
         for c in range(channels):
-            m.submodules[f"profile{c}"] = profile = ProfileGenerator()
             m.submodules[f"pulse{c}"] = former = PulseFormer()
-            here = write & (address[3:] == registers.W_X_VAL_LO[c] // VALUES_PER_CHANNEL)
-            for n in range(VALUES_PER_CHANNEL):
-                m.d.comb += profile.write[n].eq(here & (address[:3] == n))
-            m.d.sync += late_x[c].eq(here & (address[:3] == 0))
             m.d.comb += [
-                profile.write[0].eq(late_x[c]),
-                profile.data.eq(data),
-                profile.late_data.eq(late_data),
-                profile.load.eq(steps.load),
-                profile.select.eq(selects[c]),
-                profile.step.eq(steps.step),
-                profile.aborting.eq(steps.aborting),
-                profile.done.eq(steps.done),
-                former.strobe.eq(profile.strobe),
-                former.up.eq(profile.up),
+                former.strobe.eq(profiles.strobe[c]),
+                former.up.eq(profiles.up[c]),
                 former.pre.eq(pre),
                 former.pulse.eq(pulse),
                 former.post.eq(post),
@@ -253,6 +273,12 @@ class S3G(Component):
         Between reports of interrupts that stay pending [cycle], at least 1.
     prog_words : int
         Size of program memory [word]: a power of two, 2 to 65 536. Addresses wrap.
+    shared_arithmetic : int
+        1: one adder works out the profiles of all channels, see `SharedProfiles`: a fraction of the
+        logic per channel. Every clock is the same, provided that acceleration steps come at least
+        15 * ``channels`` + 1 cycles after the one before and after writes of an abort deceleration
+        in an abort, and 22 * ``channels`` + 1 cycles after a load, and loads 7 * ``channels`` + 1
+        cycles after the one before. What comes earlier waits until then.
     **switches : int
         Profile switches that differ from the profile.
 
@@ -283,6 +309,7 @@ class S3G(Component):
         baud2: int = registers.BAUD2,
         ints_timer: int = registers.INTS_TIMER,
         prog_words: int = registers.PROG_WORDS,
+        shared_arithmetic: int = 0,
         **switches: int,
     ) -> None:
         self.switches = resolve_switches(registers.MAP, profile, switches)
@@ -298,6 +325,10 @@ class S3G(Component):
                     f"s3g gateware: {name} = {baud} baud; allowed are "
                     f"{registers.BAUD_UNIT}..{BAUD_MAX}"
                 )
+        if shared_arithmetic not in (0, 1):
+            raise UsageError(
+                f"s3g gateware: shared_arithmetic = {shared_arithmetic}; allowed are 0 and 1"
+            )
         if ints_timer < 1:
             raise UsageError(f"s3g gateware: ints_timer = {ints_timer} cycles; at least 1")
         if not 2 <= prog_words <= PROG_WORDS_MAX or prog_words & (prog_words - 1):
@@ -307,6 +338,7 @@ class S3G(Component):
             )
         self._channels, self._bauds = channels, (baud1, baud2)
         self._ints_timer, self._prog_words = ints_timer, prog_words
+        self._shared = bool(shared_arithmetic)
         super().__init__(
             {
                 "rst_n": In(1),
@@ -332,7 +364,10 @@ class S3G(Component):
         with m.Else():
             m.d.sync += count.eq(count + 1)
 
-        core = _Core(self._channels, self._ints_timer, self._prog_words, self.switches)
+        core = _Core(
+            self._channels, self._ints_timer, self._prog_words, self._shared, self.switches
+        )
+        m.d.comb += [core.clear.eq(~ready), core.clear_address.eq(count)]
         # A domain of its own, so that its flip-flops have one reset and not two.
         domain = ClockDomain("board", local=True)
         m.domains += domain

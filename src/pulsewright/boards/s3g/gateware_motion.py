@@ -10,7 +10,9 @@ from amaranth.lib.wiring import Component, In, Out
 from pulsewright.boards.s3g import registers
 
 STEP_BIT: Final = registers.STEP_UNITS.bit_length() - 1
+MOVE_BITS: Final = STEP_BIT + 1  # of a speed: more make no difference to the fraction of a step
 LOAD_BITS: Final = 6  # registers.SET_X to SET_TARGET_V
+VALUES: Final = registers.W_X_VAL_LO[1] - registers.W_X_VAL_LO[0]  # registers of a channel
 # Where a channel's value registers are, from the first of them on.
 X_LOW, X_HIGH, V, A, J, JJ, TARGET_V, ABORT_A = range(8)
 
@@ -22,9 +24,13 @@ class AccelerationSteps(Component):
     ----------
     abort_dt_latched : bool
         Steps of an abort are as long as those before it, not as ``dt_value`` says at the time.
+    paced : bool
+        A step that is due waits for ``ready``; otherwise that does nothing.
 
     Members
     -------
+    ready : In(1)
+        Steps can be made in this cycle.
     load : In(1)
         Load in this cycle what the following four say.
     set_steps, set_dt : In(1)
@@ -45,9 +51,9 @@ class AccelerationSteps(Component):
         Counters.
     """
 
-    def __init__(self, *, abort_dt_latched: bool = False) -> None:
-        self._latched = abort_dt_latched
-        ins = ("load", "set_steps", "set_dt", "reset_steps", "reset_dt")
+    def __init__(self, *, abort_dt_latched: bool = False, paced: bool = False) -> None:
+        self._latched, self._paced = abort_dt_latched, paced
+        ins = ("ready", "load", "set_steps", "set_dt", "reset_steps", "reset_dt")
         outs = ("step", "aborting", "done", "abort")
         super().__init__(
             dict.fromkeys(ins, In(1))
@@ -66,7 +72,7 @@ class AccelerationSteps(Component):
         hit, last = Signal(), Signal()
         limit = dt_limit if self._latched else Mux(in_abort, self.dt_value, dt_limit)
         m.d.comb += [
-            hit.eq(next_dt >= limit),
+            hit.eq((next_dt >= limit) & (self.ready if self._paced else 1)),
             last.eq(working & (next_steps >= steps_limit)),
             self.step.eq(hit & (working & goes | self.aborting) & ~self.load),
             self.done.eq(hit & goes & last & ~self.load),
@@ -93,10 +99,56 @@ class AccelerationSteps(Component):
         return m
 
 
-class ProfileGenerator(Component):
-    """Position of one channel and its four derivatives; the board's APG.
+class Position(Component):
+    """Position of one channel, which goes on by a speed in every cycle.
 
     Of the position only the fraction of a step is there, as nothing shows more.
+
+    Members
+    -------
+    move : In(17), negative : In(1)
+        Speed, without the bits that change whole double steps; and its sign.
+    write : In(1), data : In(16)
+        Write the register that a load takes the position from.
+    load : In(1)
+        Take the position that the register has in the next cycle.
+    strobe : Out(1)
+        A step of the motor, in the cycle after the speed that makes it. A load makes none.
+    up : Out(1)
+        Its direction, 1 = positive.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "move": In(MOVE_BITS),
+                "negative": In(1),
+                "write": In(1),
+                "data": In(STEP_BIT),
+                "load": In(1),
+                "strobe": Out(1),
+                "up": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        x, value, loaded = Signal(STEP_BIT), Signal(STEP_BIT), Signal()
+        moved = Signal(MOVE_BITS)
+        m.d.comb += moved.eq(_sum(self.move, Cat(Mux(loaded, value, x), 0)))
+        with m.If(self.write):
+            m.d.sync += value.eq(self.data)
+        m.d.sync += [
+            x.eq(moved),
+            loaded.eq(self.load),
+            self.strobe.eq(moved[STEP_BIT] & ~self.load),
+            self.up.eq(~self.negative),
+        ]
+        return m
+
+
+class ProfileGenerator(Component):
+    """Position of one channel and its four derivatives; the board's APG.
 
     Members
     -------
@@ -133,10 +185,9 @@ class ProfileGenerator(Component):
     def elaborate(self, platform: object) -> Module:
         m = Module()
         values = {n: Signal(32, name=f"value{n}") for n in (V, A, J, JJ, TARGET_V, ABORT_A)}
-        values[X_LOW] = Signal(STEP_BIT, name="value_x")
         for n, value in values.items():
             with m.If(self.write[n]):
-                m.d.sync += value.eq(self.late_data if n == X_LOW else self.data)
+                m.d.sync += value.eq(self.data)
 
         loads = Signal(LOAD_BITS)
         m.d.comb += loads.eq(Mux(self.load, self.select, 0))
@@ -234,16 +285,77 @@ class ProfileGenerator(Component):
 
         # Position: half the sum of the velocities before and after the last acceleration step.
         total = v.as_signed() + Mux(twice, v, before).as_signed()
-        x, loaded = Signal(STEP_BIT), Signal()
-        moved_x = Signal(STEP_BIT + 1)
-        set_x = loads[registers.SET_X]
-        m.d.comb += moved_x.eq(_sum(total[1 : STEP_BIT + 2], Cat(Mux(loaded, values[X_LOW], x), 0)))
-        m.d.sync += [
-            x.eq(moved_x),
-            loaded.eq(set_x),
-            self.strobe.eq(moved_x[STEP_BIT] & ~set_x),
-            self.up.eq(~total[32]),
+        m.submodules.position = position = Position()
+        m.d.comb += [
+            position.move.eq(total[1:]),
+            position.negative.eq(total[32]),
+            position.write.eq(self.write[X_LOW]),
+            position.data.eq(self.late_data),
+            position.load.eq(loads[registers.SET_X]),
+            self.strobe.eq(position.strobe),
+            self.up.eq(position.up),
         ]
+
+
+class Profiles(Component):
+    """Positions of all channels, each with a `ProfileGenerator`.
+
+    Parameters
+    ----------
+    channels : int
+
+    Members
+    -------
+    write : In(1), address : In(6), data : In(32)
+        Write a register; those of channels are kept here.
+    load : In(1), select : In(6 * channels)
+        Load the values that are selected.
+    step, aborting, done : In(1)
+        From `AccelerationSteps`.
+    strobe, up : Out(channels)
+        Steps of the motors, and their directions.
+    """
+
+    def __init__(self, channels: int) -> None:
+        self._channels = channels
+        super().__init__(
+            {
+                "write": In(1),
+                "address": In(6),
+                "data": In(32),
+                "load": In(1),
+                "select": In(LOAD_BITS * channels),
+                "step": In(1),
+                "aborting": In(1),
+                "done": In(1),
+                "strobe": Out(channels),
+                "up": Out(channels),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        late_data, late_write = Signal(STEP_BIT), Signal(self._channels)
+        m.d.sync += late_data.eq(self.data)
+        for c in range(self._channels):
+            m.submodules[f"channel{c}"] = profile = ProfileGenerator()
+            here = self.write & (self.address[3:] == registers.W_X_VAL_LO[c] // VALUES)
+            for n in range(VALUES):
+                m.d.comb += profile.write[n].eq(here & (self.address[:3] == n))
+            m.d.sync += late_write[c].eq(here & (self.address[:3] == X_LOW))
+            m.d.comb += [
+                profile.write[X_LOW].eq(late_write[c]),
+                profile.data.eq(self.data),
+                profile.late_data.eq(late_data),
+                profile.load.eq(self.load),
+                profile.select.eq(self.select[LOAD_BITS * c :]),
+                profile.step.eq(self.step),
+                profile.aborting.eq(self.aborting),
+                profile.done.eq(self.done),
+                self.strobe[c].eq(profile.strobe),
+                self.up[c].eq(profile.up),
+            ]
+        return m
 
 
 class PulseFormer(Component):

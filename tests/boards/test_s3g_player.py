@@ -320,6 +320,18 @@ def test_an_executor_that_something_else_stops_is_an_error():
         player.play(math.inf)
 
 
+@pytest.mark.parametrize("until", [0.5, 2.9])
+def test_an_executor_that_waits_for_ever_is_an_error(until):
+    player, _ = rough(swing(3.0, 500, 8000))
+    player.prepare()
+    player.play(until)
+    player.driver.write_register("W_ASG_CONTROL", steps_limit=1, dt_limit=1, reset_steps=1)
+    player.driver.write_register("W_ASG_DT_VAL", value=0xFFFF_FFFF)
+    player.driver.strobe(1)  # acceleration steps of 86 s: none is done
+    with pytest.raises(BusError, match="executor stays at address"):
+        player.play(math.inf)
+
+
 # ------------------------------------------------------------------------------ starvation
 
 

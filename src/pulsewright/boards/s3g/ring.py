@@ -29,6 +29,7 @@ ADDRESSES: Final = 1 << 16
 FAR: Final = 4  # packets that the executor must be away from words that one packet replaces
 PATIENCE: Final = 4  # packets until one is given up, and a time of the host's own
 HOST_TIME: Final = 0.02  # [s]
+STUCK: Final = 1.0  # an executor that stays at a word for so long waits for ever [s]
 
 
 class ProgramRing:
@@ -60,7 +61,7 @@ class ProgramRing:
         self._driver, self._grid, self._packet_cycles = driver, grid, packet_cycles
         self._timeout = PATIENCE * packet_cycles / driver.bus.clock_hz + HOST_TIME
         self._started = False
-        self._noted = 0  # when the board told ``passed``
+        self._noted = self._moved = 0  # when the board told ``passed``, and another one before
         self._waiting = np.zeros(0, np.int64)  # words to write
         self._end = 0  # number of the word behind them
         # loads not passed, but for the last that is: word, grid step at its end, and the load
@@ -101,7 +102,7 @@ class ProgramRing:
     def start(self) -> int:
         """Start the executor; return the cycle of the start strobe, see `S3GDriver`."""
         cycle = self._driver.start_program(0, self._timeout)
-        self._started, self._noted = True, self._driver.bus.now()
+        self._started, self._noted, self._moved = True, cycle, cycle
         return cycle
 
     def write(self) -> None:
@@ -110,7 +111,7 @@ class ProgramRing:
         Raises
         ------
         BusError
-            If the link fails, however often it is tried.
+            If the link fails, however often it is tried, or as `poll`.
         """
         n = min(self.waiting, self.portion)
         words = [*self._waiting[:n].tolist(), DONE]
@@ -134,7 +135,13 @@ class ProgramRing:
         self._waiting = self._waiting[n:]
 
     def poll(self) -> None:
-        """Ask where the executor is."""
+        """Ask where the executor is.
+
+        Raises
+        ------
+        BusError
+            If the link fails, or the executor does what these words do not say.
+        """
         status = self._driver.status(self._timeout)
         self._note(status.error, status.pc)
 
@@ -183,8 +190,15 @@ class ProgramRing:
         if not self._started:
             return
         self._noted = self._driver.bus.now()
-        self.passed += (pc - self.passed) % ADDRESSES
+        done = (pc - self.passed) % ADDRESSES
+        if done:
+            self.passed, self._moved = self.passed + done, self._noted
         if error in (reg.BE_RUNNING, reg.BE_WAITING):
+            if self._noted - self._moved > STUCK * self._driver.bus.clock_hz:
+                raise BusError(
+                    f"s3g: the executor stays at address {pc}; something else has loaded motion or "
+                    f"written to program memory"
+                )
             return
         self.ended = error
         if error not in (DRY, FINISHED):

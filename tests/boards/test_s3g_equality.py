@@ -85,8 +85,11 @@ def test_gateware_matches_the_twin_for_many_cycles(name):
         traffic, end = busy(Random(seed), both, 3_000_000, flaws=(0, 30, 150)[seed % 3])
         seen += both.run(traffic, end)
         cycles += end
-    few = name == "document"  # slow ports
-    assert_busy(seen, {
-        "OUTPUT": 20 if few else 300, "STB": 10 if few else 150, "load": 5 if few else 80,
-        "INTERRUPT": 10 if few else 100, "step": 1000,
-    })  # fmt: skip
+    if (
+        name == "document"
+    ):  # at the original's baud rates little gets through; this is for the ports
+        assert_busy(seen, {"OUTPUT": 20, "STB": 10, "load": 5, "INTERRUPT": 5})
+    else:
+        assert_busy(seen, {
+            "OUTPUT": 300, "STB": 150, "load": 80, "INTERRUPT": 100, "step": 1000,
+        })  # fmt: skip

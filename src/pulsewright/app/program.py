@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from pulsewright.boards import open_board
 from pulsewright.boards.s3g import packets
 from pulsewright.boards.s3g.program import Finding, Program, assemble, check
 from pulsewright.boards.s3g.registers import (
@@ -14,23 +15,15 @@ from pulsewright.boards.s3g.registers import (
     MAP,
     MAX_CHANNELS,
     PROG_OPCODE_LSB,
-    R_BE_CONTROL_BUSY_MASK,
-    R_BE_CONTROL_ERROR_LSB,
-    R_BE_CONTROL_ERROR_MASK,
-    R_BE_CONTROL_PC_MASK,
-    REPLY_OK,
     STB_BE_START,
     STEP_UNITS,
-    W_BE_START_ADDR,
 )
-from pulsewright.errors import CheckFailedError, SourceError, UsageError
-
-if TYPE_CHECKING:
-    from pulsewright.boards.s3g.twin import S3GTwin
+from pulsewright.errors import SourceError, UsageError
+from pulsewright.registers.codec import decode
 
 START: Final = "start"  # label where a simulation begins; without it, at the lowest address
+TAG: Final = 1
 MILLISECOND: Final = CLOCK_HZ // 1000
-ANSWER: Final = CLOCK_HZ  # longest wait for a reply [cycle]
 
 
 @dataclass(frozen=True)
@@ -191,40 +184,32 @@ def simulate(program: Program, *, seconds: float, channels: int = CHANNELS) -> S
     ------
     UsageError
         If there can be no such board, or ``seconds`` is not positive.
-    CheckFailedError
-        If the board refuses a packet: a defect, for the packets are made here.
     """
-    from pulsewright.boards.s3g.twin import S3GTwin
-
     if seconds <= 0:
         raise UsageError(f"a simulation of {seconds:g} s; it takes more than 0")
-    twin = S3GTwin(channels=channels)
-    tag = 0
-    for address, words in program.pieces():
-        for first in range(0, len(words), packets.MAX_WORDS):
-            tag += 1
-            part = words[first : first + packets.MAX_WORDS]
-            _ask(twin, packets.write_buffer(tag, address + first, part))
+    board = open_board("s3g", channels=channels)
+    twin = board.bus.twin  # type: ignore[attr-defined]
+    board.write_program(program)
     start = program.labels.get(START, min(i.address for i in program.instructions))
-    _ask(twin, packets.write_output(tag + 1, W_BE_START_ADDR, start))
-    twin.send(1, packets.strobe(tag + 2, 1 << STB_BE_START))
-    while not twin.state()["be"] & R_BE_CONTROL_BUSY_MASK:
+    board.write_register("W_BE_START_ADDR", address=start)
+    # not by the driver, which would let time pass until the board has answered
+    twin.send(1, packets.strobe(TAG, 1 << STB_BE_START))
+    while not decode(MAP["R_BE_CONTROL"], twin.state()["be"])["busy"]:
         if twin.receive(1, twin.now + 1):  # the answer comes long after the start
             break
     begin = twin.now
     end = begin + max(round(seconds * CLOCK_HZ), 1)
     state = twin.state()
-    while twin.now < end and (
-        state["be"] & R_BE_CONTROL_BUSY_MASK or any(state["v"]) or any(state["sv"])
-    ):
+    status = decode(MAP["R_BE_CONTROL"], state["be"])
+    while twin.now < end and (status["busy"] or any(state["v"]) or any(state["sv"])):
         twin.advance(min(twin.now + MILLISECOND, end))
         state = twin.state()
-    busy, pc = state["be"] & R_BE_CONTROL_BUSY_MASK, state["be"] & R_BE_CONTROL_PC_MASK
-    code = (state["be"] & R_BE_CONTROL_ERROR_MASK) >> R_BE_CONTROL_ERROR_LSB
+        status = decode(MAP["R_BE_CONTROL"], state["be"])
+    pc, code = status["pc"], status["error"]
     words_at = {i.address: i for i in program.instructions}
     here = words_at[pc].text if pc in words_at else "outside the program"
-    done = not busy and pc in words_at and here.split()[0] == "DONE"
-    if busy:
+    done = not status["busy"] and here.split()[0] == "DONE"
+    if status["busy"]:
         ended = f"still at address {pc}: {here}"
     elif done:
         ended = f"ended at address {pc} with code {code}"
@@ -237,18 +222,3 @@ def simulate(program: Program, *, seconds: float, channels: int = CHANNELS) -> S
     return Simulation(
         (twin.now - begin) / CLOCK_HZ, ended, done, tuple(Channel(*row) for row in found)
     )
-
-
-def _ask(twin: S3GTwin, request: bytes) -> None:
-    """Send a request and wait for its OK."""
-    twin.send(1, request)
-    decoder = packets.Decoder()
-    until = twin.now + ANSWER
-    while twin.now < until:
-        for payload in decoder.feed(twin.receive(1, until)):
-            reply = packets.Reply.parse(payload)
-            if not reply.is_report:
-                if reply.code != REPLY_OK:
-                    raise CheckFailedError(f"s3g: the twin refuses {request.hex()}: {reply.text}")
-                return
-    raise CheckFailedError(f"s3g: the twin does not answer {request.hex()}")

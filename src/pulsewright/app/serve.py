@@ -78,7 +78,7 @@ def serve(
         raise UsageError(f"serve: listen at 'pty:PATH', a link that is made, not at '{listen}'")
     profile = room.default_profile if profile is None else profile
     options = options or {}
-    room.switches(profile, **{k: v for k, v in options.items() if k not in room.parameters})
+    room.switches(profile, **options)
     twin = room.twin(profile, **options)
     received = sent = 0
     with ExitStack() as stack:

@@ -83,7 +83,7 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **opt
     """
     board = get(name)
     profile = board.default_profile if profile is None else profile
-    board.switches(profile, **{k: v for k, v in options.items() if k not in board.parameters})
+    board.switches(profile, **options)
     if link.startswith("serial:") and board.bus == "serial":
         path, baud = _serial_port(board, link)
         options = {"baud1": baud} | options

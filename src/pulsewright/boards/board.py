@@ -95,13 +95,17 @@ class Board:
     def switches(self, profile: str | None = None, **changes: int) -> dict[str, int]:
         """Return the switches of a profile (None: the default one), with ``changes`` made.
 
+        ``changes`` may have `parameters` among them, which are no switches.
+
         Raises
         ------
         UsageError
             If the profile or a switch is unknown, or a value is not allowed.
         """
         return resolve_switches(
-            self.registers(), self.default_profile if profile is None else profile, changes
+            self.registers(),
+            self.default_profile if profile is None else profile,
+            {name: value for name, value in changes.items() if name not in self.parameters},
         )
 
 

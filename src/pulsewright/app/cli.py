@@ -31,6 +31,21 @@ def _print_json(value: Any) -> None:
     print(json.dumps(value, indent=2))
 
 
+def _show(result: Any, as_json: bool) -> None:
+    """Print a result that has ``summary`` and ``text``."""
+    if as_json:
+        _print_json(result.summary())
+    else:
+        print(result.text())
+
+
+def _judge(result: Any, as_json: bool) -> None:
+    """Print a result and exit with 1 if it has not passed."""
+    _show(result, as_json)
+    if not result.passed:
+        raise typer.Exit(1)
+
+
 @app.command()
 def run(
     file: ProgramFile,
@@ -63,12 +78,7 @@ def run(
             vcd=vcd,
             progress=report_progress,
         )
-    if as_json:
-        _print_json(result.summary())
-    else:
-        print(result.text())
-    if not result.passed:
-        raise typer.Exit(1)
+    _judge(result, as_json)
 
 
 @app.command()
@@ -79,10 +89,7 @@ def plan(file: ProgramFile, machine: MachineFile = None, as_json: Json = False) 
 
     with progress() as report_progress:
         job = job_module.Job.from_gcode(file, machine=machine, progress=report_progress)
-    if as_json:
-        _print_json(job.summary())
-    else:
-        print(job.text())
+    _show(job, as_json)
 
 
 @app.command()
@@ -113,12 +120,7 @@ def program(
     from pulsewright.app import program as program_module
 
     result = program_module.run(file, channels=channels, seconds=simulate)
-    if as_json:
-        _print_json(result.summary())
-    else:
-        print(result.text())
-    if not result.passed:
-        raise typer.Exit(1)
+    _judge(result, as_json)
 
 
 @app.command()
@@ -170,12 +172,7 @@ def check(
 
     with progress() as report_progress:
         result = check_module.check(board, golden, engine, report_progress)
-    if as_json:
-        _print_json(result.summary())
-    else:
-        print(result.text())
-    if not result.passed:
-        raise typer.Exit(1)
+    _judge(result, as_json)
 
 
 @app.command()
@@ -210,10 +207,7 @@ def build(
             pins=pins,
             progress=report_progress,
         )
-    if as_json:
-        _print_json(result.summary())
-    else:
-        print(result.text())
+    _show(result, as_json)
 
 
 @app.command()

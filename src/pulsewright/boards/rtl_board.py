@@ -10,7 +10,7 @@ from amaranth.lib.wiring import Component
 from numpy.typing import NDArray
 
 from pulsewright.edges.trace import EdgeTrace
-from pulsewright.gateware.rtl import RtlSimulation
+from pulsewright.gateware.rtl import RtlSimulation, pin_changes
 from pulsewright.transport.bus import ASAP
 
 ACCESS_NS: Final = 1500  # time of one access, as on the virtual bus
@@ -96,13 +96,7 @@ class RtlEppBoard:
         rows = np.concatenate(self._rows)
         self._rows = []
         start, end = self._start, self._simulation.cycle
-        cycles = []
-        final = self._levels.copy()
-        for i, (port, bit) in enumerate(self._bits):
-            level = (rows[port] >> rows[port].dtype.type(bit) & 1).astype(np.uint8)
-            changed = np.flatnonzero(np.diff(level, prepend=self._levels[i]))
-            cycles.append(rows["cycle"][changed].astype(np.int64))
-            final[i] = level[-1] if len(level) else final[i]
-        trace = EdgeTrace(self.clock_hz, self.pins, self._levels, tuple(cycles), start, end)
+        cycles, final = pin_changes(rows, self._bits, self._levels)
+        trace = EdgeTrace(self.clock_hz, self.pins, self._levels, cycles, start, end)
         self._start, self._levels = end, final
         return trace

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import UsageError
-from pulsewright.gateware.rtl import RtlSimulation
+from pulsewright.gateware.rtl import RtlSimulation, pin_changes
 
 _BITS: Final = 10  # of a byte on the line
 _STOP: Final = 9.5  # bits from the start of a byte to the middle of its stop bit
@@ -159,14 +159,10 @@ class RtlSerialBoard:
         rows = np.concatenate(self._rows)
         self._rows = [rows[rows["cycle"] >= end]]
         rows = rows[rows["cycle"] < end]
-        first, last, cycles = self._last, self._last.copy(), []
-        for n, (port, bit) in enumerate(self._places):
-            level = (rows[port] >> rows[port].dtype.type(bit) & 1).astype(np.int8)
-            changed = np.flatnonzero(np.diff(level, prepend=np.int8(first[n])))
-            cycles.append(rows["cycle"][changed].astype(np.int64))
-            last[n] = level[-1] if len(level) else first[n]
-        self._start, self._last = end, last
-        return EdgeTrace(self.clock_hz, self._names, first, tuple(cycles), start, end)
+        first = self._last
+        cycles, self._last = pin_changes(rows, self._places, first)
+        self._start = end
+        return EdgeTrace(self.clock_hz, self._names, first, cycles, start, end)
 
     def _port(self, port: int) -> SerialPins:
         if not 1 <= port <= len(self._ports):

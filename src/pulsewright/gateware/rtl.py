@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata, resources
 from pathlib import Path
 from typing import Any, Final
@@ -174,6 +174,29 @@ def cache_folder() -> Path:
     """Return where compiled designs are kept: ``$XDG_CACHE_HOME/pulsewright/rtl``."""
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(home) / "pulsewright" / "rtl"
+
+
+def pin_changes(
+    rows: NDArray[np.void], places: Sequence[tuple[str, int]], before: NDArray[np.uint8]
+) -> tuple[tuple[NDArray[np.int64], ...], NDArray[np.uint8]]:
+    """Return the cycles at which pins change, and their last levels.
+
+    Parameters
+    ----------
+    rows : (n,) outputs of an `RtlSimulation`
+        By cycle.
+    places : sequence of (str, int)
+        Output port and bit of each pin.
+    before : (pins,) uint8
+        Levels before the first row.
+    """
+    cycles, last = [], before.copy()
+    for n, (port, bit) in enumerate(places):
+        level = (rows[port] >> rows[port].dtype.type(bit) & 1).astype(np.uint8)
+        changed = np.flatnonzero(np.diff(level, prepend=before[n]))
+        cycles.append(rows["cycle"][changed].astype(np.int64))
+        last[n] = level[-1] if len(level) else before[n]
+    return tuple(cycles), last
 
 
 def _row(ports: Mapping[str, int]) -> np.dtype[np.void]:

@@ -130,6 +130,8 @@ def _replay_rtl(golden: S3GGolden) -> EdgeTrace:
 
 def replay_on(simulation: RtlSimulation, golden: Golden) -> EdgeTrace:
     """Give the inputs of a recording to gateware that is at its cycle 0; return as `replay`."""
+    from pulsewright.gateware.rtl import pin_changes
+
     at = np.unique(np.concatenate([[0], golden.cycle]))
     stimulus = np.zeros(len(at), simulation.inputs)
     stimulus["cycle"] = at
@@ -138,13 +140,9 @@ def replay_on(simulation: RtlSimulation, golden: Golden) -> EdgeTrace:
         level = np.concatenate([[1], golden.level[mine]])
         stimulus[pin] = level[np.searchsorted(golden.cycle[mine], at, side="right")]
     rows = simulation.run(golden.expected.end, stimulus)
-    cycles = []
-    for name, initial in zip(OUTPUTS, golden.expected.initial, strict=True):
-        port, bit = _port(name)
-        level = np.concatenate([[initial], rows[port].astype(np.int64) >> bit & 1])
-        cycles.append(rows["cycle"][np.flatnonzero(np.diff(level))].astype(np.int64))
     expected = golden.expected
-    return EdgeTrace(expected.clock_hz, OUTPUTS, expected.initial, tuple(cycles), 0, expected.end)
+    cycles, _ = pin_changes(rows, [_port(name) for name in OUTPUTS], expected.initial)
+    return EdgeTrace(expected.clock_hz, OUTPUTS, expected.initial, cycles, 0, expected.end)
 
 
 ENGINES: Final[dict[str, Callable[[S3GGolden], EdgeTrace]]] = {

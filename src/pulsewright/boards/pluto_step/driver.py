@@ -10,13 +10,13 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Final, Self, SupportsIndex
+from typing import Final, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.board import resolve_switches
+from pulsewright.boards.driving import Driver
 from pulsewright.boards.pluto_step import registers as reg
 from pulsewright.boards.pluto_step.burst import (
     AXES,
@@ -57,7 +57,7 @@ class Identity:
     axes: int
 
 
-class PlutoStepDriver:
+class PlutoStepDriver(Driver[EppBus]):
     """One pluto-step board on an EPP bus.
 
     Creating the driver sends nothing. It assumes the reset state until `initialise` has made a
@@ -91,6 +91,8 @@ class PlutoStepDriver:
     ...     board.set_step_rate(1, -25_000.0)
     -25024.4140625
     """
+
+    registers = reg.MAP
 
     def __init__(self, bus: EppBus, *, profile: str = reg.DEFAULT_PROFILE, **switches: int) -> None:
         self.bus = bus
@@ -177,25 +179,6 @@ class PlutoStepDriver:
         self._wait_for_rest()
         self._units = self._raw_positions()
         self._origin = -(self._units // self._unit)
-
-    def close(self) -> None:
-        """Release the bus; the board goes on as it is."""
-        self.bus.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Halt the axes, let the watchdog expire and release the bus."""
-        try:
-            self.estop()
-        finally:
-            self.close()
 
     # ------------------------------------------------------------------------------- step rates
 
@@ -544,16 +527,13 @@ class PlutoStepDriver:
         self._write(address, encode_bytes(register, **fields))
 
     def _register(self, side: str, name: str, instance: int) -> tuple[Register, int]:
-        register = reg.MAP[name]
-        if register.side != side:
-            raise UsageError(f"pluto_step register {name} is on the {register.side} side")
+        register, address = super()._register(side, name, instance)
         if register.present_with and not any(self.switches[s] for s in register.present_with):
             raise UsageError(
                 f"pluto_step register {name} needs switch {' or '.join(register.present_with)}; "
                 f"open the board with profile 'extended'"
             )
-        self._require(f"{name} instance", instance, len(register.addresses))
-        return register, register.addresses[instance]
+        return register, address
 
     # ------------------------------------------------------------------------------- below
 
@@ -702,10 +682,6 @@ class PlutoStepDriver:
     def _require_live(self) -> None:
         if not self._live:
             raise EstopError("pluto_step: in emergency stop: call release_estop() first")
-
-    def _require(self, what: str, number: int, count: int) -> None:
-        if not 0 <= number < count:
-            raise UsageError(f"pluto_step has no {what} {number}; allowed are 0..{count - 1}")
 
     def _burst_buffer(self, n: int) -> NDArray[np.void]:
         """Return a reusable array of n bursts; what never changes is filled in already."""

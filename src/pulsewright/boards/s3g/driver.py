@@ -11,13 +11,13 @@ import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Final, Self, SupportsIndex
+from typing import Final, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.board import resolve_switches
+from pulsewright.boards.driving import Driver
 from pulsewright.boards.s3g import packets
 from pulsewright.boards.s3g import registers as reg
 from pulsewright.boards.s3g.program import Program
@@ -31,7 +31,6 @@ from pulsewright.errors import (
     UsageError,
 )
 from pulsewright.registers.codec import decode, encode
-from pulsewright.registers.model import Register
 from pulsewright.transport.serial_bus import SerialBus
 
 CLOCK: Final = 1 / reg.CLOCK_HZ  # [s]
@@ -86,7 +85,7 @@ class ProgramStatus:
         return f"{'busy' if self.busy else 'idle'} at address {self.pc}: {name}"
 
 
-class S3GDriver:
+class S3GDriver(Driver[SerialBus]):
     """One S3G board on a serial port.
 
     Creating the driver sends nothing. It assumes the reset state until `initialise` has made a
@@ -132,6 +131,8 @@ class S3GDriver:
     ...     board.set_step_rate(1, -25_000.0)
     -25177.001953125
     """
+
+    registers = reg.MAP
 
     def __init__(
         self,
@@ -224,22 +225,11 @@ class S3GDriver:
             self._touched = False
             self.bus.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Stop all motion, disable the motors and release the bus."""
-        try:
-            if self._touched:
-                self.estop()
-                self._touched = False
-        finally:
-            self.close()
+    def _leave(self) -> None:
+        """Stop all motion and disable the motors, if this driver has sent anything."""
+        if self._touched:
+            self.estop()
+            self._touched = False
 
     # ------------------------------------------------------------------------------- motors, estop
 
@@ -557,13 +547,6 @@ class S3GDriver:
         register, number = self._register("write", name, instance)
         self._write(number, encode(register, **fields))
 
-    def _register(self, side: str, name: str, instance: int) -> tuple[Register, int]:
-        register = reg.MAP[name]
-        if register.side != side:
-            raise UsageError(f"s3g register {name} is on the {register.side} side of the map")
-        self._require(f"{name} instance", instance, len(register.addresses))
-        return register, register.addresses[instance]
-
     # ------------------------------------------------------------------------------- requests
 
     def request(
@@ -705,10 +688,6 @@ class S3GDriver:
 
     def _seconds_to(self, cycle: int) -> float:
         return max(cycle - self.bus.now(), 0) / self.bus.clock_hz
-
-    def _require(self, what: str, number: int, count: int) -> None:
-        if not 0 <= number < count:
-            raise UsageError(f"s3g has no {what} {number}; allowed are 0..{count - 1}")
 
 
 def _timing(width: float, space: float, setup: float, hold: float) -> PulseTiming:

@@ -9,18 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Final, NoReturn, Self, SupportsIndex
+from typing import Final, NoReturn, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.board import resolve_switches
+from pulsewright.boards.driving import Driver
 from pulsewright.boards.usc import registers as reg
 from pulsewright.boards.usc.burst import AXES, BURST_ACCESSES, BURST_ADDRESS, RateUpdates
 from pulsewright.errors import BusError, EstopError, RegisterValueError, UsageError
 from pulsewright.registers.codec import decode_bytes, encode_bytes
-from pulsewright.registers.model import Register
 from pulsewright.transport.bus import (
     ADDRESS_WRITE,
     DATA_WRITE,
@@ -152,7 +151,7 @@ def _three_bytes(value: int) -> bytes:
     return (value % COUNT_RANGE).to_bytes(3, "little")
 
 
-class UscDriver:
+class UscDriver(Driver[EppBus]):
     """One Universal Stepper Controller on an EPP bus.
 
     Creating the driver sends nothing. It assumes the reset state until `initialise` has made a
@@ -182,6 +181,8 @@ class UscDriver:
     ...     board.set_step_rate(1, -25_000.0)
     -25000.0
     """
+
+    registers = reg.MAP
 
     def __init__(self, bus: EppBus, *, profile: str = reg.DEFAULT_PROFILE, **switches: int) -> None:
         self.bus = bus
@@ -270,25 +271,6 @@ class UscDriver:
             *self._loading((1 << AXES) - 1, 0),
             self._reading(reg.R_INDEX_SENSE, 1),  # discards stale bits
         )
-
-    def close(self) -> None:
-        """Release the bus; the board goes on as it is."""
-        self.bus.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Put the board in emergency stop and release the bus."""
-        try:
-            self.estop()
-        finally:
-            self.close()
 
     # ------------------------------------------------------------------------------- step rates
 
@@ -745,13 +727,6 @@ class UscDriver:
         register, address = self._register("write", name, instance)
         self._write(address, encode_bytes(register, **fields))
 
-    def _register(self, side: str, name: str, instance: int) -> tuple[Register, int]:
-        register = reg.MAP[name]
-        if register.side != side:
-            raise UsageError(f"usc register {name} is on the {register.side} side of the map")
-        self._require(f"{name} instance", instance, len(register.addresses))
-        return register, register.addresses[instance]
-
     # ------------------------------------------------------------------------------- below
 
     def _send(self, *parts: NDArray[np.void]) -> NDArray[np.void]:
@@ -868,10 +843,6 @@ class UscDriver:
 
     def _require_axis(self, axis: int) -> None:
         self._require("axis", axis, AXES)
-
-    def _require(self, what: str, number: int, count: int) -> None:
-        if not 0 <= number < count:
-            raise UsageError(f"usc has no {what} {number}; allowed are 0..{count - 1}")
 
     def _require_divisors(self, divisor: NDArray[np.uint32], control: NDArray[np.uint8]) -> None:
         """Check the divisors of a stream; looks at single ones only where something is wrong."""

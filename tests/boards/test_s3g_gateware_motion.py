@@ -131,7 +131,7 @@ def test_profiles_follow_the_rules(profile, seed):
         x = None
         if random.randrange(3) == 0:
             write = random.randrange(8), number(random)
-            row["data"] = write[1]
+            row["data"], row["negated"] = write[1], -write[1] % WORD
             if write[0]:
                 row["write"] |= 1 << write[0]
             else:

@@ -155,7 +155,8 @@ class ProfileGenerator(Component):
     write : In(8)
         Write ``data`` to a value register, in the order of their numbers; X comes a cycle later
         than the others, with ``late_data``.
-    data : In(32), late_data : In(16)
+    data : In(32), late_data : In(16), negated : In(32)
+        ``negated`` is ``data`` with the other sign.
     load : In(1), select : In(6)
         Load the values selected, as they are in this cycle (X: in the next one).
     step, aborting, done : In(1)
@@ -172,6 +173,7 @@ class ProfileGenerator(Component):
                 "write": In(8),
                 "data": In(32),
                 "late_data": In(STEP_BIT),
+                "negated": In(32),
                 "load": In(1),
                 "select": In(LOAD_BITS),
                 "step": In(1),
@@ -199,7 +201,9 @@ class ProfileGenerator(Component):
         # In an abort the target is 0: it is cleared by the step before, and can be, as a target
         # lasts until the next load, before which no other step than those of an abort can come.
         target, has_target = Signal(32), Signal()
-        limit = values[ABORT_A]
+        limit, opposite = values[ABORT_A], Signal(32)  # and that with the other sign
+        with m.If(self.write[ABORT_A]):
+            m.d.sync += opposite.eq(self.negated)
         equal = Signal()
         m.d.comb += equal.eq(v == target)
 
@@ -210,8 +214,9 @@ class ProfileGenerator(Component):
         flipped = _sum(_flip(v), change)[:32]
         faster = _flip(flipped)
         negative = Mux(v[31] ^ change[31], faster[31], v[31])  # v + change, that does not wrap
-        slower = v.as_signed() - Mux(self.aborting, limit, target).as_signed()
-        above = ~slower[32]  # v >= target, or in an abort v >= limit
+        slower = v.as_signed() - limit.as_signed()
+        remaining = target.as_signed() - v.as_signed()
+        above = remaining[32]  # v > target
 
         # Both comparisons are there for both directions, as the direction is known late.
         not_below = _at_least(_flip(target), flipped)
@@ -219,21 +224,16 @@ class ProfileGenerator(Component):
         past = Mux(above, beyond, ~not_below)
 
         # In an abort. v = limit > 0 is taken as v > limit, which comes to the same.
+        below_limit = slower[32]
         exactly_negative = limit[31] & (v == limit)
-        slows = self.aborting & above & ~equal & ~exactly_negative
-        goes_on = self.aborting & ~equal & Mux(above, exactly_negative, negative)
-        stops = self.aborting & ~above & ~negative
+        slows = self.aborting & ~below_limit & ~equal & ~exactly_negative
+        stops = self.aborting & below_limit & ~negative
 
         # The target, which is reached early or late in the cycle.
         seeks = has_target & ~self.aborting
         at_once, reached = Signal(), Signal()
         m.d.comb += at_once.eq((seeks | self.aborting) & equal | stops)
         m.d.comb += reached.eq(at_once | seeks & past)
-        # What is left to the target, or -limit if v > limit. Where the limit is negative, v reaches
-        # 0 only from 0, which is seen to below.
-        negate = self.aborting & (above | limit[31])
-        remaining = (target - Mux(negate, limit, v))[:32]
-
         set_v, set_a, set_j, set_jj, set_target = (
             loads[n]
             for n in (
@@ -260,16 +260,13 @@ class ProfileGenerator(Component):
                 )
             )
         with m.If(self.step | set_a):
-            special = goes_on | set_a
             m.d.sync += a.eq(
                 Mux(
-                    reached | slows | set_a,
-                    Mux(special, values[A], remaining),
-                    Mux(special, limit, a + j),
+                    reached | set_a,
+                    Mux(set_a, values[A], remaining[:32]),
+                    Mux(self.aborting, Mux(slows, opposite, limit), a + j),
                 )
             )
-        with m.If(self.step & self.aborting & equal):
-            m.d.sync += a.eq(0)
         with m.If(self.step | set_j):
             m.d.sync += j.eq(Mux(set_j, values[J], j + jj))
         with m.If(set_jj):
@@ -337,6 +334,8 @@ class Profiles(Component):
         m = Module()
         late_data, late_write = Signal(STEP_BIT), Signal(self._channels)
         m.d.sync += late_data.eq(self.data)
+        negated = Signal(32)
+        m.d.comb += negated.eq(-self.data)
         for c in range(self._channels):
             m.submodules[f"channel{c}"] = profile = ProfileGenerator()
             here = self.write & (self.address[3:] == registers.W_X_VAL_LO[c] // VALUES)
@@ -347,6 +346,7 @@ class Profiles(Component):
                 profile.write[X_LOW].eq(late_write[c]),
                 profile.data.eq(self.data),
                 profile.late_data.eq(late_data),
+                profile.negated.eq(negated),
                 profile.load.eq(self.load),
                 profile.select.eq(self.select[LOAD_BITS * c :]),
                 profile.step.eq(self.step),

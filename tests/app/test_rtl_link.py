@@ -2,6 +2,7 @@
 
 import pytest
 
+from pulsewright import boards
 from pulsewright.app.run import Job
 from pulsewright.edges.trace import EdgeTrace
 
@@ -9,7 +10,7 @@ PROGRAM = "M3 S1000\nG1 X0.4 Y-0.2 F1200\nG3 X0 Y0 R0.3\nM5\n"
 
 
 @pytest.mark.rtl
-@pytest.mark.parametrize("board", ["usc", "pluto_step"])
+@pytest.mark.parametrize("board", boards.BOARDS)
 def test_a_job_gives_the_same_trace_on_gateware_and_twin(board, tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text(PROGRAM)
@@ -20,7 +21,8 @@ def test_a_job_gives_the_same_trace_on_gateware_and_twin(board, tmp_path):
         traces.append(EdgeTrace.load(tmp_path / link / "trace.npz"))
     twin, rtl = traces
     assert twin.pins == rtl.pins
-    assert sum(len(twin.edges(f"step{i}", 1)) for i in range(4)) > 200
+    step = boards.get(board).motor_pins[0]
+    assert sum(len(twin.edges(step.format(i), 1)) for i in range(4)) > 200
     end = min(twin.end, rtl.end)
     assert end > result.job.duration * twin.clock_hz
     for pin in twin.pins:

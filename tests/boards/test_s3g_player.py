@@ -376,7 +376,9 @@ def test_a_starved_job_is_resumed_and_completed_with_every_step(until):
     player, bus, error = starved(plan, until)
     counted = [round(p) for p in error.position]
     bus.twin.drain()
+    told = positions(bus)
     rest = player.resume()
+    assert positions(bus) == told  # the board is not told where it is: it goes on
     assert rest is player.trajectory
     assert rest.at(0.0)[0].tolist() == list(error.position)
     player.play(math.inf)

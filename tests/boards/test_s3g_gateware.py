@@ -9,7 +9,7 @@ import gc
 from pathlib import Path
 
 import pytest
-from s3g_host import CONFIGURED, Host
+from s3g_host import CONFIGURED, FAST, Host
 
 from pulsewright.boards.s3g import packets
 from pulsewright.boards.s3g.gateware import S3G
@@ -59,6 +59,37 @@ def test_every_pin_changes_when_it_did_on_the_original(name):
 @pytest.mark.parametrize("path", sorted(GOLDEN.glob("*.npz")), ids=lambda path: path.stem)
 def test_every_pin_of_every_recording(path):
     assert replay(path) is None
+
+
+# In the others, acceleration steps or loads come sooner than shared arithmetic takes them.
+SHARED = (
+    *("motion_rand_1_fast", "motion_rand_2_fast", "motion_rand_3_fast", "x_jj_fast", "x_neg_fast"),
+    *("x_accel_target_fast", "xy_two_axes_fast", "reset_fast", "fuzz_12_fast", "x_jerk_fast"),
+)
+
+
+@pytest.mark.parametrize("name", SHARED)
+def test_shared_arithmetic_is_as_exact(name):
+    golden = load(GOLDEN / f"{name}.npz")
+    assert golden.settings == FAST
+    trace = replay_on(simulation(shared_arithmetic=1), golden)
+    assert golden.expected.first_difference(trace) is None
+
+
+@pytest.mark.parametrize(("dt", "shift"), [(45, 0), (44, 1), (1, 44)])
+def test_shared_arithmetic_takes_a_step_22_cycles_per_channel_after_a_load(dt, shift):
+    """A step that is due earlier waits; a program that waits for it tells when it came."""
+    lit = []
+    for shared in (0, 1):
+        host = Host(shared_arithmetic=shared)
+        # STB 1 (load), WAIT_ALL 1 (done), LEDs 2
+        host.ask(request("0100 41 03 0000 0100000081 0100000082 0200000040"))
+        for number, value in ((1, 1), (2, dt), (3, 0xF)):
+            host.ask(packets.write_output(1, number, value))
+        t, _ = host.ask(request("0200 3E 00000020"))
+        lit.append(host.edges("led", 1)[0][0] - t)
+    # The load is at start + 3, DONE after dt, visible in the next cycle; then WAIT, FETCH, OUTPUT.
+    assert lit == [159 + 3 + max(dt, 3) + 4, 159 + 3 + max(dt, 3) + 4 + shift]
 
 
 def request(text):

@@ -9,7 +9,7 @@ import gc
 from pathlib import Path
 
 import pytest
-from s3g_host import CONFIGURED, FAST, Host
+from s3g_host import CONFIGURED, FAST, Host, simulation
 
 from pulsewright.boards.s3g import packets
 from pulsewright.boards.s3g.gateware import S3G
@@ -89,7 +89,7 @@ def test_shared_arithmetic_takes_a_step_22_cycles_per_channel_after_a_load(dt, s
         t, _ = host.ask(request("0200 3E 00000020"))
         lit.append(host.edges("led", 1)[0][0] - t)
     # The load is at start + 3, DONE after dt, visible in the next cycle; then WAIT, FETCH, OUTPUT.
-    assert lit == [159 + 3 + max(dt, 3) + 4, 159 + 3 + max(dt, 3) + 4 + shift]
+    assert lit == [159 + 3 + dt + 4, 159 + 3 + dt + 4 + shift]
 
 
 def request(text):

@@ -8,8 +8,10 @@ import pytest
 from pulsewright.boards.s3g.gateware_motion import (
     AccelerationSteps,
     ProfileGenerator,
+    Profiles,
     PulseFormer,
 )
+from pulsewright.boards.s3g.gateware_shared import SharedProfiles
 from pulsewright.gateware.rtl import RtlSimulation
 
 pytestmark = [
@@ -166,6 +168,50 @@ def test_profiles_follow_the_rules(profile, seed):
     assert each_cycle(seen, "strobe", cycles).tolist() == strobes.astype(int).tolist()
     assert (each_cycle(seen, "up", cycles)[strobes] == ups[strobes]).all()
     assert strobes.sum() > 500
+
+
+@pytest.fixture(scope="module")
+def both_profiles():
+    return RtlSimulation(Profiles(2)), RtlSimulation(SharedProfiles(2))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_shared_profiles_do_the_same(both_profiles, seed):
+    """Writes in any cycle, loads and steps as close together as is allowed."""
+    random = Random(seed)
+    cycles = 20_000
+    events = np.zeros(cycles, both_profiles[0].inputs)
+    events["cycle"] = np.arange(cycles)
+    aborting = False
+    may_load = may_step = 0
+    for n, row in enumerate(events):
+        row["aborting"] = aborting
+        if random.randrange(2):
+            row["write"], row["data"] = 1, number(random)
+            row["address"] = random.randrange(8, 24)
+            if aborting and row["address"] % 8 == 7:
+                may_step = max(may_step, n + 15 * 2 + 1)
+        if n >= may_load and random.randrange(40) == 0:
+            row["load"], row["select"] = 1, random.randrange(1 << 12)
+            aborting = False
+            may_load, may_step = n + 7 * 2 + 1, n + 22 * 2 + 1
+        elif n >= may_step and random.randrange(3) == 0:
+            row["step"] = 1
+            if not aborting:
+                row["done"] = aborting = random.randrange(6) == 0
+            may_step = max(may_step, n + 15 * 2 + 1)
+    seen = []
+    for board in both_profiles:
+        rows = np.zeros(cycles, board.inputs)
+        for name in events.dtype.names:
+            rows[name] = events[name]
+        board.reset()
+        out = board.run(cycles, rows)
+        strobe = each_cycle(out, "strobe", cycles)
+        up = each_cycle(out, "up", cycles) & strobe  # of use with a strobe only
+        seen.append((strobe.tolist(), up.tolist()))
+    assert seen[0] == seen[1]
+    assert sum(map(bool, seen[0][0])) > 1000
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -8,6 +8,7 @@ import test_s3g_gateware_motion as rules
 from faults import faulty
 
 from pulsewright.boards.s3g import gateware as room
+from pulsewright.boards.s3g.gateware_motion import Profiles
 from pulsewright.boards.s3g.golden import load, replay_on
 from pulsewright.gateware.rtl import RtlSimulation
 
@@ -23,8 +24,6 @@ SERIAL, PROGRAM, MOTION = f"{ROOM}_serial", f"{ROOM}_program", f"{ROOM}_motion"
 SHARED = f"{ROOM}_shared"
 GOLDEN = Path(__file__).parents[1] / "golden" / "s3g"
 RECORDINGS = sorted(GOLDEN.glob("*_fast.npz"), key=lambda path: path.stat().st_size)
-# In these, acceleration steps or loads come sooner than shared arithmetic takes them.
-SOON = ("abort_", "asg_corners", "load_phase", "v_alias")
 
 # Where, what is there, what comes in its place.
 BOARD_FAULTS = {
@@ -92,8 +91,9 @@ PROFILE_FAULTS = {
 SHARED_FAULTS = {
     "a target that is met exactly ends the profile": (SHARED, "crossed = ~zero & (", "crossed = ("),
     "jerk goes on at the target": (SHARED, "(self._cycle[1:] == 4)", "(self._cycle[1:] == 7)"),
-    "registers cannot be written again in time": (
-        SHARED, "place.eq(~used[c][n])", "place.eq(used[c][n])",
+    "registers cannot be written again in time": (SHARED, "place.eq(~Mux(", "place.eq(Mux("),
+    "a write during a load is loaded": (
+        SHARED, "Mux(self.load, newest[c][n], used[c][n])", "used[c][n]",
     ),
     "the last channel is forgotten": (
         SHARED, "channel == self._channels - 1", "channel == self._channels - 2",
@@ -101,8 +101,12 @@ SHARED_FAULTS = {
     "velocities are set late": (
         SHARED, "self.step | self.load & bits[registers.SET_V]", "self.step",
     ),
-    "not cleared by a reset": (SHARED, "self._busy & write | self.clear", "self._busy & write"),
+    "a new limit comes too late": (
+        SHARED, "self.step | new_limit | self.load", "self.step | self.load",
+    ),
+    "v = limit is v > limit": (SHARED, "down.eq(~result[32] & ~zero)", "down.eq(~result[32])"),
 }  # fmt: skip
+KEPT = (SHARED, "self._busy & write | self.clear", "self._busy & write")
 
 
 def found(fault, paths, **options):
@@ -131,21 +135,27 @@ def test_recordings_find(fault):
     assert found(BOARD_FAULTS[fault], [*slow, *RECORDINGS])
 
 
+def fails(test, *boards):
+    """Say whether a test of rules fails for one of its seeds."""
+    for seed in range(8):
+        try:
+            test(*boards, seed)
+        except AssertionError:
+            return True
+    return False
+
+
 @pytest.mark.parametrize("fault", PROFILE_FAULTS)
 def test_rules_find(fault):
     simulation = RtlSimulation(faulty(*PROFILE_FAULTS[fault]).ProfileGenerator())
-
-    def fails(seed):
-        try:
-            rules.test_profiles_follow_the_rules(simulation, seed)
-        except AssertionError:
-            return True
-        return False
-
-    assert any(fails(seed) for seed in range(8))
+    assert fails(rules.test_profiles_follow_the_rules, simulation)
 
 
 @pytest.mark.parametrize("fault", SHARED_FAULTS)
-def test_recordings_find_with_shared_arithmetic(fault):
-    paths = [path for path in RECORDINGS if not path.name.startswith(SOON)]
-    assert found(SHARED_FAULTS[fault], paths, shared_arithmetic=1)
+def test_comparison_finds_with_shared_arithmetic(fault):
+    shared = RtlSimulation(faulty(*SHARED_FAULTS[fault]).SharedProfiles(2))
+    assert fails(rules.test_shared_profiles_do_the_same, (RtlSimulation(Profiles(2)), shared))
+
+
+def test_recordings_find_velocities_that_a_reset_does_not_clear():
+    assert found(KEPT, [GOLDEN / "reset_fast.npz"], shared_arithmetic=1)

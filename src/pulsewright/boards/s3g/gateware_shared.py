@@ -198,9 +198,9 @@ class SharedProfiles(Component):
         for c in channels:
             for n, register in enumerate(_LOADED):
                 with m.If(self.address == registers.W_X_VAL_LO[c] + register):
-                    m.d.comb += place.eq(~used[c][n])
+                    m.d.comb += place.eq(~Mux(self.load, newest[c][n], used[c][n]))
                     with m.If(self.write):
-                        m.d.sync += newest[c][n].eq(~used[c][n])
+                        m.d.sync += newest[c][n].eq(place)
             with m.If(self.load):
                 m.d.sync += used[c].eq(newest[c])
                 bits = self.select[LOAD_BITS * c :][:LOAD_BITS]

@@ -210,6 +210,21 @@ def test_vector_12_chain():
     assert last[-1] < load + 8003
 
 
+@pytest.mark.parametrize("shared", [0, 1])
+def test_a_reset_clears_velocities_and_their_registers(shared):
+    host = Host(shared_arithmetic=shared)
+    motion(host, r5=2, r7=1, r1=1000, r2=1000, r10=3000, r11=50, r12=7, r3=0x1E0F)
+    host.set(host.now, cclk=0)
+    host.set(host.now + 1, cclk=1)
+    host.run(host.now + 1500)
+    # Nothing is set, and then all, from registers that were not written.
+    load = motion(host, r5=2, r1=3, r2=1000, r3=0xF)
+    host.run(load + 5000)
+    load = motion(host, r1=3, r3=0x1E0F)
+    host.run(load + 5000)
+    assert host.edges("mot_step", since=load - 20_000) == [[], []]
+
+
 def test_missing_step_pulses_without_width():
     host = Host()
     load = motion(host, r4=5, r5=5, r6=9, r7=2, r1=3, r2=1000, r18=16384, r3=0x1F000F)

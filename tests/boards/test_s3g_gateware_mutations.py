@@ -5,9 +5,11 @@ from unittest.mock import patch
 
 import pytest
 import test_s3g_gateware_motion as rules
+import test_s3g_gateware_program as program
 from faults import faulty
 
 from pulsewright.boards.s3g import gateware as room
+from pulsewright.boards.s3g import registers as s3g
 from pulsewright.boards.s3g.gateware_motion import Profiles
 from pulsewright.boards.s3g.golden import load, replay_on
 from pulsewright.gateware.rtl import RtlSimulation
@@ -40,14 +42,8 @@ BOARD_FAULTS = {
         SERIAL, "said_address.eq(sent_address)", "said_address.eq(address)",
     ),
     "N = 0 is a command": (SERIAL, "else self.size == 0", "else Const(0)"),
-    "an interrupt is lost that meets its clearing": (
-        PROGRAM, "self.pending & ~self.clear | self.sources",
-        "(self.pending | self.sources) & ~self.clear",
-    ),
     "reports one cycle late": (PROGRAM, "timer.eq(self._repeat - 1)", "timer.eq(self._repeat)"),
-    "waits for interrupts that there are not": (PROGRAM, ".any() | others)", ".any())"),
     "a running program can be started": (PROGRAM, "self.start & ~run", "self.start"),
-    "busy in time": (PROGRAM, "waiting, busy))", "waiting, run))"),
     "abort ends a program with an interrupt": (
         PROGRAM, "execute & ~goes_on", "decode & ~goes_on | self.abort",
     ),
@@ -61,12 +57,23 @@ BOARD_FAULTS = {
         MOTION, "(hit | in_abort)", "(hit & ~in_abort)",
     ),
     "pulses start at once": (MOTION, "busy & ~before_pre & before_end", "busy & before_end"),
-    "pre does not count for the end": (
-        MOTION, "before_pre | before_end | before_post", "before_end | before_post",
-    ),
     "bytes of words one late": (SERIAL, "BUFFER_DATA + 1", "BUFFER_DATA"),
     "never reset": (ROOM, "domain.rst.eq(~ready)", "domain.rst.eq(0)"),
     "enable pins not inverted": (ROOM, "self.mot_enable.eq(~enable)", "self.mot_enable.eq(enable)"),
+}  # fmt: skip
+PROGRAM_FAULTS = {
+    "an interrupt is lost that meets its clearing": (
+        PROGRAM, "self.pending & ~self.clear | self.sources",
+        "(self.pending | self.sources) & ~self.clear",
+    ),
+    "waits for interrupts that there are not": (PROGRAM, ".any() | others)", ".any())"),
+    "busy in time": (PROGRAM, "waiting, busy))", "waiting, run))"),
+    "an output does not wait": (PROGRAM, "wait | output & self.stall", "wait"),
+}  # fmt: skip
+PULSE_FAULTS = {
+    "pre does not count for the end": (
+        MOTION, "before_pre | before_end | before_post", "before_end | before_post",
+    ),
 }  # fmt: skip
 PROFILE_FAULTS = {
     "a target that is met exactly ends the profile": (
@@ -106,7 +113,6 @@ SHARED_FAULTS = {
     ),
     "v = limit is v > limit": (SHARED, "down.eq(~result[32] & ~zero)", "down.eq(~result[32])"),
 }  # fmt: skip
-KEPT = (SHARED, "self._busy & write | self.clear", "self._busy & write")
 
 
 def found(fault, paths, **options):
@@ -120,7 +126,7 @@ def found(fault, paths, **options):
         settings = tuple(golden.settings.items())
         if settings not in boards:
             make = module.S3G if name == ROOM else room.S3G
-            with patch.multiple(room, **({} if name == ROOM else parts)):
+            with patch.multiple(room, **parts):
                 boards[settings] = RtlSimulation(make(**golden.settings, **options))
         boards[settings].reset()
         if golden.expected.first_difference(replay_on(boards[settings], golden)) is not None:
@@ -135,18 +141,40 @@ def test_recordings_find(fault):
     assert found(BOARD_FAULTS[fault], [*slow, *RECORDINGS])
 
 
-def fails(test, *boards):
-    """Say whether a test of rules fails for one of its seeds."""
-    for seed in range(8):
+def fails(test, *boards, seeds=range(8)):
+    """Say whether a test of rules fails, for one of its seeds if it has some."""
+    for seed in [(seed,) for seed in seeds] or [()]:
         try:
-            test(*boards, seed)
+            test(*boards, *seed)
         except AssertionError:
             return True
     return False
 
 
+@pytest.mark.parametrize("fault", PROGRAM_FAULTS)
+def test_rules_of_programs_find(fault):
+    module = faulty(*PROGRAM_FAULTS[fault])
+
+    def all_of_them():
+        program.test_a_source_wins_over_the_clearing_of_its_cycle(
+            RtlSimulation(module.Interrupts(repeat=5))
+        )
+        executor = RtlSimulation(module.ProgramExecutor())
+        program.test_busy_is_a_cycle_late_and_an_instruction_takes_two(executor)
+        program.test_waits(executor, s3g.OP_WAIT_ALL, 0x21, 0b1111, True)
+        program.test_an_output_waits_for_the_serial_one(executor)
+
+    assert fails(all_of_them, seeds=())
+
+
+@pytest.mark.parametrize("fault", PULSE_FAULTS)
+def test_rules_of_pulses_find(fault):
+    with patch.object(rules, "PulseFormer", faulty(*PULSE_FAULTS[fault]).PulseFormer):
+        assert fails(rules.test_pulses_follow_thresholds_that_change, seeds=())
+
+
 @pytest.mark.parametrize("fault", PROFILE_FAULTS)
-def test_rules_find(fault):
+def test_rules_of_profiles_find(fault):
     simulation = RtlSimulation(faulty(*PROFILE_FAULTS[fault]).ProfileGenerator())
     assert fails(rules.test_profiles_follow_the_rules, simulation)
 
@@ -155,7 +183,3 @@ def test_rules_find(fault):
 def test_comparison_finds_with_shared_arithmetic(fault):
     shared = RtlSimulation(faulty(*SHARED_FAULTS[fault]).SharedProfiles(2))
     assert fails(rules.test_shared_profiles_do_the_same, (RtlSimulation(Profiles(2)), shared))
-
-
-def test_recordings_find_velocities_that_a_reset_does_not_clear():
-    assert found(KEPT, [GOLDEN / "reset_fast.npz"], shared_arithmetic=1)

@@ -61,7 +61,7 @@ def table(registers: RegisterMap) -> str:
     console.print(overview)
 
     for register in registers.registers:
-        head = f"{register.key} @ {pages.addresses(register)}: {register.label()}"
+        head = f"{register.key} @ {pages.addresses(registers, register)}: {register.label()}"
         if register.reset is not None:
             head += f", reset {pages.word(register, register.reset)}"
         console.print(head)

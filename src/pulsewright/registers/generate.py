@@ -20,6 +20,7 @@ from typing import Any
 from pulsewright.errors import PulsewrightError, UsageError
 from pulsewright.registers import render
 from pulsewright.registers.model import RegisterMap
+from pulsewright.registers.render import LISTED
 
 COMMAND = "python -m pulsewright.registers.generate"
 CHECKOUT = Path(__file__).parents[3]
@@ -86,7 +87,7 @@ def python(registers: RegisterMap) -> str:
         lines.append(f"{constant.name}: Final = {constant.text}")
     for register in registers.registers:
         lines += ["", *_comments(f"{register.label()} ({register.side})")]
-        written = "" if registers.numbered else "addresses"
+        written = "" if registers.decimal else "addresses"
         at = register.addresses if len(register.addresses) > 1 else register.addresses[0]
         lines.append(f"{register.key}: Final = {_literal(at, written)}")
         for i, alias in enumerate(register.alias_groups):
@@ -162,6 +163,8 @@ def _literal(value: Any, name: str = "") -> str:
     if isinstance(value, str):
         return _quote(value)
     if isinstance(value, tuple):
+        if name in HEXADECIMAL and len(value) > LISTED and value == _range(value):
+            return f"tuple(range(0x{value[0]:02X}, 0x{value[-1] + 1:02X}))"
         items = ", ".join(_literal(item, name) for item in value)
         return f"({items},)" if len(value) == 1 else f"({items})"
     if dataclasses.is_dataclass(value):
@@ -170,6 +173,11 @@ def _literal(value: Any, name: str = "") -> str:
     if type(value) is int and name in HEXADECIMAL:
         return f"0x{value:02X}"
     return repr(value)
+
+
+def _range(numbers: Sequence[int]) -> tuple[int, ...]:
+    """Return as many numbers in a row, from the first on."""
+    return tuple(range(numbers[0], numbers[0] + len(numbers)))
 
 
 def _arguments(value: Any) -> list[tuple[str, Any]]:

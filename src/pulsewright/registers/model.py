@@ -407,6 +407,8 @@ class RegisterMap:
         Bits of an address that select the register.
     tables : tuple of Table
         Interrupts, commands and other codes that are no registers.
+    hex_addresses : bool
+        Documents write the numbers of whole registers in hexadecimal.
     """
 
     board: str
@@ -418,11 +420,17 @@ class RegisterMap:
     constants: tuple[Constant, ...]
     address_bits: int
     tables: tuple[Table, ...] = ()
+    hex_addresses: bool = False
 
     @property
     def numbered(self) -> bool:
         """Whether an address is the number of a whole register, and not of a byte."""
         return all(register.address_bytes == register.size > 1 for register in self.registers)
+
+    @property
+    def decimal(self) -> bool:
+        """Whether addresses are written in decimal."""
+        return self.numbered and not self.hex_addresses
 
     def table(self, prefix: str) -> Table:
         """Return the table whose constants begin with ``prefix``.

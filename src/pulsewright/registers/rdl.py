@@ -115,6 +115,7 @@ def _map(top: AddrmapNode) -> RegisterMap:
         ),
         address_bits=address_bits,
         tables=tuple(_table(top, raw) for raw in _udp(top, "tables", [])),
+        hex_addresses=_udp(top, "hex_addresses", False),
     )
 
 

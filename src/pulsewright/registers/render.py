@@ -20,6 +20,7 @@ from pulsewright.registers.model import (
 )
 
 JSON_FORMAT: Final = "pulsewright-registers-1"
+LISTED: Final = 8  # addresses of a register that are listed one by one
 SOURCE: Final = "Generated from `registers.rdl` of the board; do not edit."
 
 
@@ -29,24 +30,27 @@ def places(registers: RegisterMap) -> Iterator[tuple[int, Place | None, Place | 
         yield address, registers.at("read", address), registers.at("write", address)
 
 
-def addresses(register: Register) -> str:
-    """Write the addresses of a register as documents do: ``0C, also 03``; ``10, 13, 16, 19``.
+def addresses(registers: RegisterMap, register: Register) -> str:
+    """Write the addresses of a register as documents do: ``0C, also 03``; ``10, 13``; ``04..43``.
 
-    Numbers of whole registers are written in decimal.
+    Many addresses in a row are written as a range.
     """
-    form = "02X" if register.address_bytes == 1 else "d"
-    text = ", ".join(f"{at:{form}}" for at in register.addresses)
-    return ", also ".join([text, *(f"{at:{form}}" for at in register.aliases)])
+    found = [address(registers, at) for at in register.addresses]
+    text = ", ".join(found)
+    last = register.addresses[0] + len(found) - 1
+    if len(found) > LISTED and register.addresses == tuple(range(register.addresses[0], last + 1)):
+        text = f"{found[0]}..{found[-1]}"
+    return ", also ".join([text, *(address(registers, at) for at in register.aliases)])
 
 
 def address(registers: RegisterMap, at: int) -> str:
     """Write an address as the documents of a board do."""
-    return str(at) if registers.numbered else f"{at:02X}"
+    return str(at) if registers.decimal else f"{at:02X}"
 
 
 def numbers(registers: RegisterMap) -> str:
     """Say how a page writes numbers."""
-    if registers.numbered:
+    if registers.decimal:
         return "Register numbers are decimal, words are hexadecimal."
     return "Addresses and words are hexadecimal."
 
@@ -199,7 +203,7 @@ def markdown(registers: RegisterMap) -> str:
 
 
 def _markdown_register(registers: RegisterMap, register: Register) -> list[str]:
-    head = f"**{register.label()}.** Address `{addresses(register)}`"
+    head = f"**{register.label()}.** Address `{addresses(registers, register)}`"
     head += f", {register.size} bytes" if register.size > 1 else ""
     head += f", reset `{word(register, register.reset)}`." if register.reset is not None else "."
     lines = ["", f"### {register.key}", "", head, "", register.desc, ""]
@@ -248,7 +252,7 @@ def c_header(registers: RegisterMap) -> str:
         lines.append(f"#define {board}_{name} {value}")
 
     def written(at: int) -> str:
-        return f"{at}u" if registers.numbered else f"0x{at:02X}u"
+        return f"{at}u" if registers.decimal else f"0x{at:02X}u"
 
     for constant in registers.constants:
         lines += ["", *_comment(constant.comment)]
@@ -319,6 +323,8 @@ def json(registers: RegisterMap) -> str:
     page = {"format": JSON_FORMAT} | dataclasses.asdict(registers) | {"registers": described}
     if not registers.tables:
         del page["tables"]
+    if not registers.hex_addresses:
+        del page["hex_addresses"]
     return json_module.dumps(page, indent=1) + "\n"
 
 
@@ -388,7 +394,7 @@ def html(registers: RegisterMap) -> str:
 
 
 def _html_register(registers: RegisterMap, register: Register) -> str:
-    facts = [("Address", f"`{addresses(register)}`")]
+    facts = [("Address", f"`{addresses(registers, register)}`")]
     if register.size > 1:
         facts.append(("Size", f"{register.size} bytes, low byte first"))
     if register.reset is not None:

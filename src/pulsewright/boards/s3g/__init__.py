@@ -43,11 +43,11 @@ def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> S3GTwin:
 
 def _rtl(profile: str = DEFAULT_PROFILE, **options: int) -> RtlSerialBoard:
     from pulsewright.boards.rtl_serial import RtlSerialBoard, SerialPins
-    from pulsewright.boards.s3g.gateware import S3G, pins
+    from pulsewright.boards.s3g.gateware import pins
     from pulsewright.boards.s3g.registers import BAUD2, CLOCK_HZ, READY_CYCLES
 
     return RtlSerialBoard(
-        S3G(profile, **options),
+        _made(profile, **options),
         clock_hz=CLOCK_HZ,
         ports=(
             SerialPins("avr_tx", "avr_rx", options.get("baud1", BAUD1)),
@@ -60,9 +60,14 @@ def _rtl(profile: str = DEFAULT_PROFILE, **options: int) -> RtlSerialBoard:
 
 
 def _gateware(profile: str = DEFAULT_PROFILE, axes: int | None = None, **options: int) -> S3G:
+    return _made(profile, channels=CHANNELS if axes is None else axes, **options)
+
+
+def _made(profile: str, **options: int) -> S3G:
+    """Return the gateware; what is not the original on every clock may save logic as well."""
     from pulsewright.boards.s3g.gateware import S3G
 
-    return S3G(profile, channels=CHANNELS if axes is None else axes, **options)
+    return S3G(profile, shared_arithmetic=int(profile != DEFAULT_PROFILE), **options)
 
 
 def _driver(bus: SerialBus, profile: str = DEFAULT_PROFILE, **options: int) -> S3GDriver:

@@ -81,12 +81,13 @@ def _figure(name: str, what: str, value: float, unit: str, aim: str) -> dict[str
 
 
 def twin() -> Figures:
-    """Four axes at 50 k step/s, all rates rewritten with new values every ms, on each board.
+    """Axes at 50 k step/s with new rates every ms, on each board.
 
-    Once the twin alone, from a ready array of bus accesses to edges in its buffers, and once with
-    the driver that makes the accesses and a copy of the edges.
+    EPP boards: once the twin alone, from a ready array of bus accesses to edges in its buffers, and
+    once with the driver that makes the accesses and a copy of the edges. S3G: the board's own
+    program sets the rates.
     """
-    return _usc_twin() + _pluto_step_twin()
+    return _usc_twin() + _pluto_step_twin() + _s3g_twin()
 
 
 def _usc_twin() -> Figures:
@@ -117,6 +118,46 @@ def _pluto_step_twin() -> Figures:
     word = round(TWIN_RATE * units_per_step(driver.tap) / reg.TICK_HZ)
     velocity, count = (word + _wobble(AXES)).astype(np.int16), np.zeros((1000, AXES), np.int64)
     return _twin_figures("pluto_step", driver, lambda cycle: Updates(cycle, velocity, count))
+
+
+def _s3g_twin() -> Figures:
+    from pulsewright.boards import open_board
+    from pulsewright.boards.s3g import registers as reg
+    from pulsewright.boards.s3g.program import assemble
+
+    driver = open_board("s3g")
+    driver.initialise(pulse_width=2e-6, direction_setup=5e-6)
+    driver.release_estop()
+    channels, twin = reg.CHANNELS, driver.bus.twin
+    word = round(TWIN_RATE * 2**16 / reg.CLOCK_HZ)
+    bits = " | ".join(f"SET_V[{c}]" for c in range(channels))
+    lines = [
+        f"OUTPUT ASG_DT_VAL, {reg.CLOCK_HZ // 1000}",
+        f"OUTPUT ASG_CONTROL, STEPS_LIMIT | DT_LIMIT | RESET_STEPS | {bits}",
+        "OUTPUT ASG_STEPS_VAL, 1",
+    ]
+    for n, words in enumerate(word + _wobble(channels)):
+        lines += [f"OUTPUT V_VAL[{c}], {v}" for c, v in enumerate(words)]
+        # the last one goes on until the program is started again
+        lines += ["OUTPUT ASG_STEPS_VAL, 100"] * (n == 999)
+        lines += ["STB ASG_LOAD"] + ["WAIT_ALL ASG_DONE", "CLEAR ASG_DONE"] * (n < 999)
+    driver.write_program(assemble("\n".join([*lines, "DONE 0"])))
+    alone, edges = _Stopwatch(), 0
+    advance, drain = alone.timing(twin.advance), alone.timing(twin.drain)
+    for second in range(TWIN_SECONDS + 2):
+        if second == 2:
+            alone.seconds, edges = 0.0, 0
+        end = driver.start_program(0) + reg.CLOCK_HZ
+        while twin.now < end:
+            advance(min(twin.now + reg.CLOCK_HZ // 10, end))
+            edges += sum(len(cycles) for cycles in drain(copy=False).cycles)
+        driver.clear_interrupts(1 << reg.INT_ASG_DONE)
+    what = f"{channels} channels x {TWIN_RATE // 1000} k step/s, 1 kHz loads by its program"
+    speed, rate = TWIN_SECONDS / alone.seconds, edges / alone.seconds / 1e6
+    return [
+        _figure("twin", f"s3g twin alone: {what}", speed, "x real time", ">= 300"),
+        _figure("twin", "edges recorded by the twin", rate, "M/s", "-"),
+    ]
 
 
 def _wobble(axes: int) -> NDArray[np.int64]:

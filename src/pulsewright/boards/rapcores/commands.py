@@ -1,0 +1,307 @@
+"""Planned motion to moves: what a RAPcores board runs natively.
+
+A *move* lasts a number of ticks; in each of them the accumulator of every motor grows by an
+increment, and the increment by another one: after n ticks the motor is at
+p + n inc + n (n - 1) / 2 incinc, exactly. All moves of a job have the same length T, and follow
+each other without a gap; so a plan becomes a chain of parabolas, one for each motor and T.
+
+The law: the parabola that starts where the model's accumulator is, passes the plan in the middle of
+the move and ends at the plan. The increment is rounded last, such that the end is met to half a
+unit per tick; the rest is in the model's accumulator, so nothing accumulates. A parabola is at most
+0.038 a T^2 off a plan whose acceleration stays within +-a, and j T^3 / 125 off a jerk j; where that
+is constant, neighbouring parabolas join without a jump of velocity.
+
+The board is at step floor(accumulator). The accumulator is half a step beyond the plan, so that a
+step comes where the plan passes the middle between two positions. Rounding makes no step that the
+plan does not make: where the plan rests, the accumulator keeps away from the crossings, on the
+plan's side of them; parabolas do not turn where the plan does not; and a distance that is only
+rounding makes no motion at all.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pulsewright.boards.rapcores import registers as reg
+from pulsewright.errors import MotionLimitError
+from pulsewright.motion.trajectory import Trajectory
+
+DEVIATION: Final = 0.6  # what the conversion promises [step]: half a step of counting, and ...
+BEND: Final = 0.04  # ... what the plan may leave a parabola,
+LATE: Final = 0.01  # ... wait for a change of direction,
+JITTER: Final = 0.1  # ... and, half of it, move within a tick [step]
+SHAPE: Final = 0.1  # a parabola, kept from turning, is so many a T^2 off an acceleration within +-a
+MARGIN: Final = 1.25  # shortest move over what its messages take on the link
+LONGEST_TICK: Final = 41  # [clock]: that of the board after reset
+LONGEST_MOVE: Final = 0.005  # [s]
+INTEGER_BITS: Final = 32  # of an accumulator
+SHOWN: Final = 3  # from a tick to the step pulse that it causes [clock]
+
+
+@dataclass(frozen=True)
+class PulseTiming:
+    """What the pulse formers keep between edges [clock], each at least 1.
+
+    Parameters
+    ----------
+    width, low : int
+        Time the step pin is active, and at least inactive.
+    setup : int
+        From a change of direction to the next step.
+    hold : int
+        From the end of a step pulse to a change of direction.
+    """
+
+    width: int
+    low: int
+    setup: int
+    hold: int
+
+    @property
+    def spacing(self) -> int:
+        """Shortest time between two steps in one direction [clock]."""
+        return self.width + self.low
+
+    @property
+    def reversal(self) -> int:
+        """Shortest time between two steps in different directions [clock]."""
+        return self.width + max(self.hold + self.setup, self.low)
+
+    @property
+    def max_rate(self) -> float:
+        """Highest step rate that can be planned [step/s]: steps come up to a tick too early."""
+        return reg.CLOCK_HZ / (self.spacing + 1)
+
+
+def tick_period(timing: PulseTiming, rate: float) -> int:
+    """Return how long a tick may be [clock], 1 .. `LONGEST_TICK`.
+
+    No pulse former ever owes a step for the sake of spacing, and a motor makes at most `JITTER`
+    steps per tick.
+
+    Parameters
+    ----------
+    timing : PulseTiming
+    rate : float
+        The most that any motor does [step/s].
+
+    Raises
+    ------
+    MotionLimitError
+        If ``rate`` is more than the pulses allow.
+    """
+    if rate > timing.max_rate:
+        us = 1e6 / reg.CLOCK_HZ
+        raise MotionLimitError(
+            f"rapcores: {rate:.0f} step/s asked; with {timing.spacing * us:g} us from step to step "
+            f"the board follows a plan up to {timing.max_rate:.0f} step/s; lower the axis velocity "
+            f"or the steps per mm, or shorten the drive's times"
+        )
+    period = reg.CLOCK_HZ / max(rate, 1.0)
+    return max(1, min(LONGEST_TICK, int(JITTER * period), int(period - timing.spacing)))
+
+
+def move_ticks(
+    timing: PulseTiming, *, tick: int, message_cycles: float, rate: float, acceleration: float
+) -> int:
+    """Return the length of the moves of a job [tick], an even number.
+
+    As long as the plan's acceleration allows: long moves need few messages, and let the host be
+    late.
+
+    Parameters
+    ----------
+    timing : PulseTiming
+    tick : int
+        Length of a tick [clock].
+    message_cycles : float
+        Time that the link takes for a move, and to ask whether there is room for it [clock].
+    rate, acceleration : float
+        The most that any motor does [step/s, step/s^2].
+
+    Raises
+    ------
+    MotionLimitError
+        If the board cannot follow ``acceleration`` over this link or with these pulses.
+    """
+    shortest = MARGIN * message_cycles
+    bend = reg.CLOCK_HZ * math.sqrt(BEND / (SHAPE * max(acceleration, 1.0)))
+    us = 1e6 / reg.CLOCK_HZ
+    if bend < shortest + 2 * tick:
+        most = BEND / SHAPE * (reg.CLOCK_HZ / (shortest + 2 * tick)) ** 2
+        raise MotionLimitError(
+            f"rapcores: {acceleration:.3g} step/s^2 asked; this link carries a move each "
+            f"{shortest * us:.0f} us, and such moves follow up to {most:.3g} step/s^2; lower the "
+            f"axis acceleration or the steps per mm, or take a faster link or fewer motors"
+        )
+    late = reg.CLOCK_HZ * math.sqrt(2 * LATE / max(acceleration, 1.0))
+    if timing.reversal > late:
+        raise MotionLimitError(
+            f"rapcores: a change of direction takes {timing.reversal * us:g} us with these pulses; "
+            f"at {acceleration:.3g} step/s^2 allowed are {late * us:.3g} us; shorten the drive's "
+            f"times or lower the axis acceleration"
+        )
+    return int(min(bend, LONGEST_MOVE * reg.CLOCK_HZ) / tick) // 2 * 2
+
+
+@dataclass(frozen=True)
+class Moves:
+    """Native commands in columns: n moves of all motors of a plan, and where they lead.
+
+    Parameters
+    ----------
+    duration : (n,) uint32
+        [tick]
+    increment : (n, motors) int64
+        [2^-(W - 1) step per tick]
+    incinc : (n, motors) int64
+        Increment of the increment [2^-(W - 1) step per tick^2].
+    position : (n, motors) int64
+        Step that the board is at after each.
+    fraction : (n, motors) int64
+        What its accumulator has beyond that [2^-(W - 1) step].
+    """
+
+    duration: NDArray[np.uint32]
+    increment: NDArray[np.int64]
+    incinc: NDArray[np.int64]
+    position: NDArray[np.int64]
+    fraction: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.duration)
+
+
+class Converter:
+    """Convert a trajectory to moves, in portions of any size, with the exact integer model.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Motor positions [step].
+    ticks : int
+        Length of a move, from `move_ticks` [tick].
+    tick : int
+        Length of a tick [clock].
+    lead : int
+        Moves before time 0 of the plan, at least 1.
+    word_bits : int
+        Of the board's words, W: 64 or 32.
+    position, fraction : (motors,) int, optional
+        Accumulators: step of the plan's motors, and what is beyond it [2^-(W - 1) step]. Default:
+        those of a board that was reset where the motors are at the start of the plan.
+
+    Attributes
+    ----------
+    at : int
+        Moves converted so far.
+    total : int
+        Moves of the job, to the end of the last step and some rest.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        *,
+        ticks: int,
+        tick: int,
+        lead: int = 1,
+        word_bits: int = reg.WORD_BITS,
+        position: ArrayLike | None = None,
+        fraction: ArrayLike | None = None,
+    ) -> None:
+        self.trajectory, self.ticks, self.tick = trajectory, ticks, tick
+        self.lead, self.word_bits = lead, word_bits
+        self.at = 0
+        # one more to see the last step out and rest
+        self.total = lead + math.ceil(trajectory.duration / self.move_time) + 1
+        self._state = np.zeros((trajectory.axes, 2), np.int64)
+        start = np.floor(trajectory.at(0.0)[0] + 0.5).astype(np.int64)
+        self._state[:, 0] = start if position is None else position
+        self._state[:, 1] = 0 if fraction is None else fraction
+        self._piece = 0
+
+    @property
+    def move_cycles(self) -> int:
+        """Length of a move [clock]."""
+        return self.ticks * self.tick
+
+    @property
+    def move_time(self) -> float:
+        """Length of a move [s]."""
+        return self.move_cycles / reg.CLOCK_HZ
+
+    @property
+    def done(self) -> bool:
+        """Whether the trajectory is converted to its end."""
+        return self.at >= self.total
+
+    @property
+    def position(self) -> NDArray[np.int64]:
+        """Step that each motor is at after the moves converted so far, shape (motors,)."""
+        return self._state[:, 0].copy()
+
+    @property
+    def fraction(self) -> NDArray[np.int64]:
+        """What the accumulators have beyond that [2^-(W - 1) step], shape (motors,)."""
+        return self._state[:, 1].copy()
+
+    def start_cycle(self, first_tick: int) -> int:
+        """Return the cycle of time 0 of a plan whose first tick is at cycle ``first_tick``.
+
+        The tick after which the accumulator has to be where the plan is comes half a tick after a
+        crossing on average, and `SHOWN` later the step is at the pins.
+        """
+        return first_tick - self.tick + self.lead * self.move_cycles + SHOWN + self.tick // 2
+
+    def time(self, move: int) -> float:
+        """Return the time of the plan at which a move begins [s]; before the first it is negative.
+
+        Parameters
+        ----------
+        move : int
+            From 0 on.
+        """
+        return (move - self.lead) * self.move_time
+
+    def convert(self, count: int) -> Moves:
+        """Return the next ``count`` moves, fewer at the end.
+
+        Raises
+        ------
+        MotionLimitError
+            If the board would be further than `DEVIATION` from the plan, or a motor would need more
+            than a step per tick.
+        """
+        from pulsewright.boards.rapcores.commands_kernel import (  # numba: on first use only
+            FASTEST,
+            convert,
+        )
+
+        n = max(min(count, self.total - self.at), 0)
+        motors = self.trajectory.axes
+        columns = [np.zeros((n, motors), np.int64) for _ in range(4)]
+        plan = self.trajectory
+        bend, rate, motor, when, self._piece = convert(
+            (plan.poly, plan.cosine, plan.sine, plan.omega),
+            (plan.element, plan.start, plan.law),
+            np.array([self.at - self.lead, self.ticks, self.tick, self.word_bits - 1], np.int64),
+            self._piece,
+            self._state,
+            *columns,
+        )
+        if rate > FASTEST or bend > BEND + LATE:
+            what = f"misses the plan by {0.5 + bend:.2f} steps"
+            if rate > FASTEST:
+                what = f"needs {rate:.3g} steps per tick, the board makes one"
+            raise MotionLimitError(
+                f"rapcores motor {motor}: {what} at {max(self.time(self.at + when), 0.0):.4f} s; "
+                f"lower the velocity or acceleration of its axis"
+            )
+        self.at += n
+        return Moves(np.full(n, self.ticks, np.uint32), *columns)

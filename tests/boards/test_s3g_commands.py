@@ -19,9 +19,9 @@ from pulsewright.boards.s3g.commands import (
 )
 from pulsewright.boards.s3g.program import instruction
 from pulsewright.boards.s3g.pulses import PulseTiming
-from pulsewright.boards.s3g.rejoin import rejoin
 from pulsewright.boards.s3g.words import control, load_control, output
 from pulsewright.errors import MotionLimitError
+from pulsewright.motion.rejoin import rejoin
 from pulsewright.motion.trajectory import Trajectory
 
 U = 65536  # units of a step

@@ -20,7 +20,6 @@ from pulsewright.boards.s3g.commands import (
     moving_together,
 )
 from pulsewright.boards.s3g.packets import MAX_WORDS
-from pulsewright.boards.s3g.rejoin import rejoin
 from pulsewright.boards.s3g.ring import DONE, PORTION, ProgramRing
 from pulsewright.errors import (
     BusError,
@@ -29,6 +28,7 @@ from pulsewright.errors import (
     StarvedError,
     UsageError,
 )
+from pulsewright.motion.rejoin import rejoin
 
 if TYPE_CHECKING:
     from pulsewright.boards.s3g.driver import S3GDriver

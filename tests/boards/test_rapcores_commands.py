@@ -257,6 +257,21 @@ def test_a_known_accumulator_is_where_the_motion_starts():
     assert converter.position.tolist() == [12]
 
 
+@pytest.mark.parametrize("bits", [63, 31])
+def test_a_job_ends_at_whole_steps_without_a_step(bits):
+    plan = chain([[0.0, 0.3], [-2.2, 5.4]], [0.05])
+    converter, _ = converted(plan, word_bits=bits + 1)
+    at = converter.position.tolist(), converter.fraction.tolist()
+    start = [(p << bits) + f for p, f in zip(*at, strict=True)]
+    moves = converter.finish()
+    assert moves.duration.tolist() == [400, 1]
+    for i, (acc, end) in enumerate(zip(start, [-2, 5], strict=True)):
+        ticks, _ = accumulate(moves, i, acc, bits)
+        assert len(ticks) == 0
+        assert (moves.position[-1, i], moves.fraction[-1, i]) == (end, 0)
+    assert converter.fraction.tolist() == [0, 0]
+
+
 def test_velocity_above_a_step_per_tick_is_refused():
     with pytest.raises(MotionLimitError, match=r"motor 0: needs 1\.02 steps per tick"):
         converted(line(400_000.0, 0.01), ticks=400, tick=41)

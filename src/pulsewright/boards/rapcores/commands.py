@@ -305,3 +305,16 @@ class Converter:
             )
         self.at += n
         return Moves(np.full(n, self.ticks, np.uint32), *columns)
+
+    def finish(self) -> Moves:
+        """Return the moves that end a job: back to whole steps, without a step.
+
+        So accumulators are as after a reset, where the next job starts. They cannot be read.
+        """
+        whole, rest = np.divmod(self._state[:, 1], self.ticks)
+        increment = np.stack([-whole, -rest])
+        fraction = np.stack([rest, 0 * rest])
+        self._state[:, 1] = 0
+        position = np.broadcast_to(self.position, fraction.shape)
+        duration = np.array([self.ticks, 1], np.uint32)
+        return Moves(duration, increment, np.zeros_like(increment), position, fraction)

@@ -1,0 +1,355 @@
+"""The board of profile ``document``: messages, registers, moves, motors and encoders.
+
+Sections 2 to 4 of the specification.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth.lib.cdc import FFSynchronizer
+from amaranth.lib.wiring import Component, In, Out
+
+from pulsewright.boards.rapcores import registers as reg
+from pulsewright.boards.rapcores.gateware_encoder import Encoder
+from pulsewright.boards.rapcores.gateware_motion import Dda, Sequencer, TickDivider
+from pulsewright.boards.rapcores.gateware_pulse import PulseFormer
+from pulsewright.gateware.spi import SpiWordPort
+
+COUNT_BITS: Final = 32
+TIMES: Final = {
+    "width": reg.W_STEP_WIDTH,
+    "low": reg.W_STEP_LOW,
+    "setup": reg.W_DIR_SETUP,
+    "hold": reg.W_DIR_HOLD,
+}
+# Counters, which one bit of the clear register clears: name and address.
+COUNTERS: Final = {
+    "completed": reg.R_MOVES_COMPLETED,
+    "refused": reg.R_MOVES_REFUSED,
+    "framing": reg.R_FRAMING_ERRORS,
+    "aborted": reg.R_ABORTED_MESSAGES,
+    "unknown": reg.R_UNKNOWN_HEADERS,
+}
+
+
+class Message(Enum):
+    """What the words after a header are."""
+
+    IDLE = 0  # there are none
+    IGNORED = 1
+    SWAP = 2
+    MOVE = 3
+
+
+class DocumentCore(Component):
+    """All of the board but its reset.
+
+    Parameters
+    ----------
+    motors, encoders, word_bits, depth, times : see `Rapcores`
+    halt_pin, cs_reset_message, v020_info : bool
+
+    Members
+    -------
+    cs, sck, copi, halt : In(1), enc_a, enc_b : In(encoders)
+        Pins, asynchronous.
+    cipo, cipo_oe, buffer_dtr, move_done : Out(1), step, dir, en : Out(motors)
+    """
+
+    def __init__(
+        self,
+        *,
+        motors: int,
+        encoders: int,
+        word_bits: int,
+        depth: int,
+        halt_pin: bool,
+        cs_reset_message: bool,
+        v020_info: bool,
+    ) -> None:
+        self._motors, self._encoders = motors, encoders
+        self._word_bits, self._depth = word_bits, depth
+        self._halt_pin, self._cs_reset_message = halt_pin, cs_reset_message
+        self._v020_info = v020_info
+        super().__init__(
+            {
+                "cs": In(1),
+                "sck": In(1),
+                "copi": In(1),
+                "halt": In(1),
+                "enc_a": In(encoders),
+                "enc_b": In(encoders),
+                "cipo": Out(1),
+                "cipo_oe": Out(1),
+                "buffer_dtr": Out(1),
+                "move_done": Out(1),
+                "step": Out(motors),
+                "dir": Out(motors),
+                "en": Out(motors),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        self._channel_info = reg.R_CHANNEL_INFO_RESET & ~0xFFFF | self._encoders << 8 | self._motors
+        self._halted, self._halt_seen = Signal(), Signal()
+        self._accept = Signal()
+        self._write = Signal()  # configuration, at the end of this cycle
+        self._address = Signal(8)
+        self._events = {name: Signal(name=name) for name in COUNTERS}
+        m.submodules.spi = self._spi = SpiWordPort(word_bits=self._word_bits, drop_partial=True)
+        m.submodules.sequencer = self._sequencer = Sequencer(depth=self._depth)
+        m.submodules.dda = self._dda = Dda(
+            motors=self._motors, depth=self._depth, word_bits=self._word_bits
+        )
+        self._configuration(m)
+        self._encoder_blocks(m)
+        self._halting(m)
+        self._motors_blocks(m)
+        self._counters(m)
+        self._messages(m)
+        return m
+
+    def _cleared(self, bit: int) -> Value:
+        """Return whether a bit of the clear register is written in this cycle."""
+        return self._write & (self._address == reg.W_CLEAR) & self._spi.word[bit]
+
+    def _configuration(self, m: Module) -> None:
+        """Add configuration registers."""
+        word = self._spi.word
+        motors = self._motors
+
+        def register(address: int, bits: int, init: int = 0) -> Signal:
+            value = Signal(bits, init=init, name=f"config{address:02x}")
+            with m.If(self._write & (self._address == address)):
+                m.d.sync += value.eq(word)
+            self._stored[address] = value
+            return value
+
+        self._stored: dict[int, Signal] = {}
+        enable = register(reg.W_ENABLE, 32)
+        register(reg.W_BRAKE, 32)
+        divider = register(reg.W_DIVIDER, 32, reg.W_DIVIDER_RESET)
+        self._times = {
+            name: register(address, 16, reg.W_STEP_WIDTH_RESET) for name, address in TIMES.items()
+        }
+        self._control = register(reg.W_CONTROL, 1)
+        self._step_polarity = register(reg.W_STEP_POLARITY, motors)
+        self._dir_polarity = register(reg.W_DIR_POLARITY, motors)
+        m.d.comb += self.en.eq(enable)
+        m.submodules.ticks = ticks = TickDivider()
+        m.d.comb += [ticks.divider.eq(divider), self._sequencer.tick.eq(ticks.tick)]
+
+    def _encoder_blocks(self, m: Module) -> None:
+        """Add encoders, and telemetry: their state at the start of the executing move."""
+        self._encoder: list[Encoder] = []
+        self._encoder_fault = Signal(max(self._encoders, 1))
+        self._telemetry: list[Signal] = []
+        update = ~self._sequencer.run | self._sequencer.load
+        for n in range(self._encoders):
+            m.submodules[f"encoder{n}"] = encoder = Encoder()
+            self._encoder.append(encoder)
+            m.d.comb += [encoder.a.eq(self.enc_a[n]), encoder.b.eq(self.enc_b[n])]
+            with m.If(encoder.fault):
+                m.d.sync += self._encoder_fault[n].eq(1)
+            with m.Elif(self._cleared(reg.W_CLEAR_ENCODER_FAULT_LSB)):
+                m.d.sync += self._encoder_fault[n].eq(0)
+            if n < self._motors:
+                for value in (encoder.position, encoder.velocity):
+                    register = Signal(32, name=f"telemetry{len(self._telemetry)}")
+                    with m.If(update):
+                        m.d.sync += register.eq(value)
+                    self._telemetry.append(register)
+
+    def _halting(self, m: Module) -> None:
+        """Add the halt, and what remembers it."""
+        pin = Signal(init=1)
+        if self._halt_pin:
+            m.submodules.halt = FFSynchronizer(self.halt, pin, init=1, reset_less=False)
+        m.d.comb += [
+            self._halted.eq(~pin | self._control),
+            self._sequencer.halted.eq(self._halted),
+            self.buffer_dtr.eq(
+                (self._sequencer.used < self._depth) & ~self._halted & ~self._halt_seen
+            ),
+            self.move_done.eq(self._sequencer.done),
+        ]
+        with m.If(self._halted):
+            m.d.sync += self._halt_seen.eq(1)
+        with m.Elif(self._cleared(reg.W_CLEAR_HALT_SEEN_LSB)):
+            m.d.sync += self._halt_seen.eq(0)
+
+    def _motors_blocks(self, m: Module) -> None:
+        """Add pulse formers, and what they lose."""
+        self._pending, self._lost = Signal(self._motors), Signal(self._motors)
+        times = {name: Signal(16, name=f"{name}_less_1") for name in TIMES}
+        for name, value in self._times.items():
+            m.d.comb += times[name].eq(Mux(value == 0, 0, value - 1))
+        dda = self._dda
+        m.d.comb += dda.halted.eq(self._halted)
+        for n in range(self._motors):
+            m.submodules[f"pulse{n}"] = former = PulseFormer()
+            m.d.comb += [
+                former.position.eq(dda.position[n]),
+                former.halted.eq(self._halted),
+                *(getattr(former, name).eq(value) for name, value in times.items()),
+                dda.excess[n].eq(former.excess),
+                self.step[n].eq(former.step ^ self._step_polarity[n]),
+                self.dir[n].eq(former.dir ^ self._dir_polarity[n]),
+                self._pending[n].eq(former.pending),
+            ]
+            with m.If(former.lost):
+                m.d.sync += self._lost[n].eq(1)
+            with m.Elif(self._cleared(reg.W_CLEAR_STEP_LOST_LSB)):
+                m.d.sync += self._lost[n].eq(0)
+
+    def _counters(self, m: Module) -> None:
+        """Add counters of events."""
+        self._counter = {name: Signal(COUNT_BITS, name=f"{name}_count") for name in COUNTERS}
+        cleared = self._cleared(reg.W_CLEAR_COUNTERS_LSB)
+        for name, count in self._counter.items():
+            m.d.sync += count.eq(Mux(cleared, 0, count) + self._events[name])
+
+    def _messages(self, m: Module) -> None:
+        """Add what acts on words and replies."""
+        spi, sequencer, dda = self._spi, self._sequencer, self._dda
+        last_word = 2 * self._motors + 1
+        message, number = Signal(Message), Signal(range(last_word + 1))
+        header, address = spi.word[-8:], spi.word[:8]
+        reply = Signal(self._word_bits)
+        snapshot = Signal(32 * max(len(self._telemetry), 1))
+        duration = [Signal(32, name=f"duration{n}") for n in range(self._depth)]
+        m.d.comb += [
+            *(getattr(spi, name).eq(getattr(self, name)) for name in ("cs", "sck", "copi")),
+            *(getattr(self, name).eq(getattr(spi, name)) for name in ("cipo", "cipo_oe")),
+            spi.reply.eq(reply.word_select(spi.byte, 8)),
+            self._write.eq(spi.strobe & (message == Message.SWAP)),
+            self._events["completed"].eq(sequencer.finish),
+            self._events["framing"].eq(spi.ended & spi.partial),
+            dda.write_slot.eq(sequencer.write_slot),
+            dda.word.eq(spi.word),
+            dda.motor.eq((number >> 1) - 1),
+            dda.second.eq(number[0]),
+            dda.load.eq(sequencer.load),
+            dda.load_slot.eq(sequencer.load_slot),
+            dda.integrate.eq(sequencer.integrate),
+        ]
+        with m.Switch(sequencer.load_slot):
+            for n, value in enumerate(duration):
+                with m.Case(n):
+                    m.d.comb += sequencer.duration.eq(value)
+
+        with m.If(spi.strobe):
+            m.d.sync += reply.eq(0)
+            with m.Switch(message):
+                with m.Case(Message.IDLE):
+                    m.d.sync += [number.eq(1), self._address.eq(address)]
+                    self._header(m, message, header, address, reply, snapshot)
+                with m.Case(Message.MOVE):
+                    m.d.sync += [number.eq(number + 1), snapshot.eq(snapshot >> 32)]
+                    with m.If(self._accept):
+                        m.d.comb += dda.write.eq(number[1:] != 0)
+                        with m.If(number == 1), m.Switch(sequencer.write_slot):
+                            for n, value in enumerate(duration):
+                                with m.Case(n):
+                                    m.d.sync += value.eq(spi.word)
+                    with m.If(number == last_word):
+                        m.d.sync += message.eq(Message.IDLE)
+                        m.d.comb += [
+                            sequencer.arm.eq(self._accept & ~self._halted),
+                            self._events["refused"].eq(~sequencer.arm),
+                        ]
+                    with m.Else():
+                        m.d.sync += reply.eq(snapshot[:32].as_signed())
+                with m.Default():
+                    m.d.sync += message.eq(Message.IDLE)
+        if self._cs_reset_message:
+            with m.If(spi.ended & (message != Message.IDLE)):
+                m.d.sync += [message.eq(Message.IDLE), reply.eq(0)]
+                m.d.comb += self._events["aborted"].eq(1)
+        with m.If(self._halted):
+            m.d.sync += self._accept.eq(0)
+
+    def _header(
+        self,
+        m: Module,
+        message: Signal,
+        header: Value,
+        address: Value,
+        reply: Signal,
+        snapshot: Signal,
+    ) -> None:
+        """Add what acts on a header."""
+        with m.Switch(header):
+            with m.Case(reg.HEADER_NOP):
+                pass
+            with m.Case(reg.HEADER_MOVE):
+                m.d.sync += [
+                    message.eq(Message.MOVE),
+                    self._accept.eq(self.buffer_dtr),
+                    snapshot.eq(Cat(self._telemetry)),
+                ]
+            with m.Case(reg.HEADER_STATUS_READ):
+                m.d.sync += message.eq(Message.IGNORED)
+                with m.Switch(address):
+                    for place, value in self._status().items():
+                        with m.Case(place):
+                            m.d.sync += reply.eq(value)
+            with m.Case(reg.HEADER_CONFIG_SWAP, reg.HEADER_CONFIG_READ):
+                m.d.sync += message.eq(
+                    Mux(header == reg.HEADER_CONFIG_SWAP, Message.SWAP, Message.IGNORED)
+                )
+                with m.Switch(address):
+                    for place, value in self._stored.items():
+                        with m.Case(place):
+                            m.d.sync += reply.eq(value)
+            if self._v020_info:
+                with m.Case(reg.HEADER_V020_CHANNEL_INFO):
+                    m.d.sync += reply.eq(self._channel_info)
+                with m.Case(reg.HEADER_V020_VERSION):
+                    m.d.sync += [message.eq(Message.IGNORED), reply.eq(reg.VERSION_V020)]
+                with m.Case(reg.HEADER_V020_ENCODER):
+                    m.d.sync += message.eq(Message.IGNORED)
+                    with m.Switch(self._spi.word[48:56]):
+                        for n, encoder in enumerate(self._encoder):
+                            with m.Case(n):
+                                m.d.sync += reply.eq(Cat(encoder.position, encoder.velocity))
+            with m.Default():
+                m.d.sync += message.eq(Message.IGNORED)
+                m.d.comb += self._events["unknown"].eq(1)
+
+    def _status(self) -> dict[int, Value]:
+        """Return status registers by address; signed ones as signed values."""
+        sequencer, dda = self._sequencer, self._dda
+        faults = self._encoder_fault
+        found: dict[int, Value] = {
+            reg.R_VERSION: Const(reg.VERSION, 32),
+            reg.R_CHANNEL_INFO: Const(self._channel_info, 32),
+            reg.R_ENCODER_FAULT: faults,
+            reg.R_ENCODER_FAULT_HI: faults[32:],
+            reg.R_MOTOR_FAULT: self._lost,
+            reg.R_BUFFER_STATE: Cat(
+                sequencer.used,
+                Const(0, 8 - len(sequencer.used)),
+                Const(self._depth, 8),
+                sequencer.run,
+                self._halted,
+                self._halt_seen,
+            ),
+            reg.R_TICKS_LEFT: Mux(sequencer.run, sequencer.left, 0),
+            reg.R_STEP_LOST: self._lost,
+            reg.R_PULSES_PENDING: self._pending,
+            reg.R_BUILD_PARAMETERS: Const(self._word_bits | reg.INTEGER_BITS << 8, 32),
+            reg.R_BUILD_ID: Const(reg.BUILD_ID, 32),
+        }
+        found |= {address: self._counter[name] for name, address in COUNTERS.items()}
+        for n, encoder in enumerate(self._encoder):
+            found[reg.R_ENCODER_POSITION[n]] = encoder.position.as_signed()
+            found[reg.R_ENCODER_VELOCITY[n]] = encoder.velocity.as_signed()
+        for n in range(self._motors):
+            found[reg.R_PHASE_ANGLE[n]] = dda.position[n][:10]
+            found[reg.R_STEP_POSITION[n]] = dda.position[n].as_signed()
+        return found

@@ -146,7 +146,7 @@ def test_more_than_a_step_in_81_clocks_is_refused():
 
 def test_moves_are_as_long_as_their_bend_allows():
     # 0.1 * 160000 * T^2 = 0.04 at T = 1.5811 ms = 25298 clocks = 617 ticks
-    length = {"tick": 41, "message_cycles": MESSAGE, "rate": 19_200}
+    length = {"tick": 41, "message_cycles": MESSAGE}
     assert move_ticks(TIMING, acceleration=160_000, **length) == 616
     assert move_ticks(TIMING, acceleration=0, **length) == 1950  # 5 ms = 80000 clocks
 
@@ -166,7 +166,7 @@ def test_moves_are_as_long_as_their_bend_allows():
 def test_accelerations_beyond_link_or_pulses_are_refused(changes, message):
     timing = PulseTiming(40, 40, changes.pop("setup", 80), 40)
     with pytest.raises(MotionLimitError, match=message):
-        move_ticks(timing, tick=41, message_cycles=MESSAGE, rate=1e4, **changes)
+        move_ticks(timing, tick=41, message_cycles=MESSAGE, **changes)
 
 
 # ------------------------------------------------------------------------------ the law

@@ -107,7 +107,7 @@ def tick_period(timing: PulseTiming, rate: float) -> int:
 
 
 def move_ticks(
-    timing: PulseTiming, *, tick: int, message_cycles: float, rate: float, acceleration: float
+    timing: PulseTiming, *, tick: int, message_cycles: float, acceleration: float
 ) -> int:
     """Return the length of the moves of a job [tick], an even number.
 
@@ -121,8 +121,8 @@ def move_ticks(
         Length of a tick [clock].
     message_cycles : float
         Time that the link takes for a move, and to ask whether there is room for it [clock].
-    rate, acceleration : float
-        The most that any motor does [step/s, step/s^2].
+    acceleration : float
+        The most that any motor does [step/s^2].
 
     Raises
     ------

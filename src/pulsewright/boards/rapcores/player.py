@@ -1,0 +1,505 @@
+"""A trajectory played on a board: moves, streamed such that one follows the other without a gap."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Final, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pulsewright.boards.rapcores import registers as reg
+from pulsewright.boards.rapcores.commands import (
+    Converter,
+    Moves,
+    PulseTiming,
+    move_ticks,
+    tick_period,
+)
+from pulsewright.errors import (
+    BusError,
+    MotionLimitError,
+    RegisterValueError,
+    StarvedError,
+    UsageError,
+)
+from pulsewright.motion.rejoin import rejoin
+from pulsewright.transport.spi_bus import CS_HIGH, SpiBus, VirtualSpiBus
+
+if TYPE_CHECKING:
+    from pulsewright.boards.rapcores.driver import RapcoresDriver
+    from pulsewright.boards.rapcores.messages import Telemetry
+    from pulsewright.motion.trajectory import Trajectory
+
+LEAD: Final = 0.2  # first move, at rest: the host fills the buffer and sets up what it needs [s]
+CONVERTED: Final = 2048  # moves at once
+ACTS: Final = 5  # from the end of the last bit of a word to its effect [clock]
+COUNTS: Final = 1 << 32  # of the counters of moves
+HALT: Final = reg.R_BUFFER_STATE_HALTED_MASK | reg.R_BUFFER_STATE_HALT_SEEN_MASK
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a move was told by the board about an earlier one.
+
+    Parameters
+    ----------
+    move : int
+        Number of the move that was executing, from 0 on.
+    position : (motors,) float64
+        Where the motors of the plan were commanded to be as it began [step].
+    telemetry : Telemetry
+        Encoders as it began.
+    """
+
+    move: int
+    position: NDArray[np.float64]
+    telemetry: Telemetry
+
+    def following_error(self, counts_per_step: Sequence[float]) -> NDArray[np.float64]:
+        """Return commanded minus measured position of motors with an encoder [step].
+
+        Parameters
+        ----------
+        counts_per_step : sequence of float
+            Of encoder i, on motor i; it read 0 where the motor was at position 0.
+        """
+        n = min(len(counts_per_step), len(self.telemetry.positions), len(self.position))
+        measured = np.array(self.telemetry.positions[:n]) / np.asarray(counts_per_step[:n])
+        return np.asarray(self.position[:n] - measured)
+
+
+@dataclass(frozen=True)
+class _Pace:
+    """What stays the same from one trajectory to the next.
+
+    Parameters
+    ----------
+    tick : int
+        Length of a tick [clock].
+    ticks : int
+        Length of a move [tick].
+    phase : int
+        Cycle of a tick, and of all that are whole ticks later.
+    read, message : int
+        Time that the link takes to read a register, and for a move with what is asked with it
+        [clock].
+    """
+
+    tick: int
+    ticks: int
+    phase: int
+    read: int
+    message: int
+
+
+class _Times(TypedDict):
+    """Minima of the drives [s]."""
+
+    pulse_width: float
+    pulse_space: float
+    direction_setup: float
+    direction_hold: float
+
+
+class RapcoresPlayer:
+    """Play motor positions on a RAPcores board. Creating one sends nothing; see `prepare`.
+
+    If the board gets no move in time it stands still at once, without a ramp; `play` raises
+    `StarvedError` then, and knows where it stands. `resume` goes back to the plan and completes it.
+
+    Parameters
+    ----------
+    driver : RapcoresDriver
+        Of the board; nothing else may use it while this plays.
+    trajectory : Trajectory
+        Motor positions [step].
+    rates, accelerations : sequence of float
+        The most that each motor may do [step/s, step/s^2].
+    pulse_width, pulse_space, direction_setup, direction_hold : float
+        Minima of the drives [s].
+
+    """
+
+    def __init__(
+        self,
+        driver: RapcoresDriver,
+        trajectory: Trajectory,
+        *,
+        rates: Sequence[float],
+        accelerations: Sequence[float],
+        pulse_width: float,
+        pulse_space: float,
+        direction_setup: float,
+        direction_hold: float,
+    ) -> None:
+        self.driver = driver
+        self.trajectory = trajectory
+        self.rates, self.accelerations = rates, accelerations
+        self._times: _Times = {
+            "pulse_width": pulse_width,
+            "pulse_space": pulse_space,
+            "direction_setup": direction_setup,
+            # it counts from the active edge; the board waits from the other one on
+            "direction_hold": max(direction_hold - pulse_width, 0.0),
+        }
+        self._job: _Job | None = None
+        self._stopped: StarvedError | None = None
+
+    def prepare(self) -> None:
+        """Bring the board from any state to rest, and start; the plan's time 0 is `LEAD` later.
+
+        The board is reset, if the link can do that. Otherwise its accumulators must be at whole
+        steps, as they are after power-up and after a job that was played to its end.
+
+        Raises
+        ------
+        UsageError
+            If the board's profile has no moves that last exactly as long as they say.
+        MotionLimitError
+            If the board cannot follow the motors' rates or accelerations with these pulses on this
+            link.
+        BusError
+            If there is no such board, or the link fails.
+        """
+        driver, bus, motors = self.driver, self.driver.bus, self.trajectory.axes
+        if driver.profile != "document":
+            raise UsageError(
+                f"rapcores: profile '{driver.profile}' cannot play plans, for its moves lose ticks "
+                f"and it makes no step pulses of a set width; take profile 'document'"
+            )
+        if motors > driver.motors:
+            raise MotionLimitError(
+                f"rapcores: the plan has {motors} motors, the board has {driver.motors}"
+            )
+        self._initialise()
+        timing, rate = PulseTiming(**asdict(driver.timing)), max(self.rates)
+        tick, read = tick_period(timing, rate), self._measure()
+        message = read * (1 + driver.motors + 2)
+        ticks = move_ticks(
+            timing, tick=tick, message_cycles=message, acceleration=max(self.accelerations)
+        )
+        driver.release_estop()
+        # with a tick in every clock the divider's counter stays 0; so its phase is known afterwards
+        driver.set_tick_rate(bus.clock_hz)
+        driver.set_tick_rate(bus.clock_hz / tick)
+        phase = _sent_at(bus) + ACTS - 1
+        self._pace = _Pace(tick, ticks, phase, read, message)
+        self._job = _Job(driver, self.trajectory, self._pace, None)
+
+    def resume(self) -> Trajectory:
+        """Go back to the plan after `StarvedError`, and play the rest; return what is played now.
+
+        That is a motion of its own, with its own time: from where the motors rest straight to where
+        the plan was left, and on along the plan. `trajectory`, `start_cycle` and `play` are about
+        it from now on.
+
+        Raises
+        ------
+        UsageError
+            If the job has not been stopped by that error.
+        """
+        if self._stopped is None:
+            raise UsageError("rapcores: nothing to resume; the job did not run out of moves")
+        self.trajectory = rejoin(
+            self.trajectory,
+            self._stopped.time,
+            self._stopped.position,
+            rates=self.rates,
+            accelerations=self.accelerations,
+        )
+        self._stopped = None
+        self._job = _Job(self.driver, self.trajectory, self._pace, self._playing.accumulators)
+        return self.trajectory
+
+    @property
+    def update(self) -> float:
+        """Length of a move [s]: two of them after a stop, each step has been made."""
+        return self._playing.converter.move_time
+
+    @property
+    def start_cycle(self) -> int:
+        """Clock cycle of the plan's second 0; exact on a link to a twin."""
+        return self._playing.start_cycle
+
+    @property
+    def done(self) -> bool:
+        """Whether the whole plan has been made."""
+        return self._job is not None and self._job.finished
+
+    @property
+    def told(self) -> Told | None:
+        """The latest telemetry, if the board has told any."""
+        return self._playing.told
+
+    def play(self, until: float) -> None:
+        """Stream the plan, and return when the board is at ``until`` [s].
+
+        The buffer is kept full. At the end of the plan everything has come to rest, and is where
+        the model says.
+
+        Raises
+        ------
+        StarvedError
+            If the board had no move in time, and stands still.
+        EstopError
+            If the board was halted: moves are lost.
+        BusError
+            If the link failed, or the board has not done what it was told.
+        """
+        if self._stopped is not None:
+            raise self._stopped
+        job, bus = self._playing, self.driver.bus
+        end: float = math.inf
+        if until < self.trajectory.duration:
+            end = job.start_cycle + math.ceil(until * bus.clock_hz)
+        while job.waiting:
+            left = end - bus.now()
+            if left <= 0:
+                return
+            if job.full:
+                bus.sleep(min(left, job.cycles_to_room()) / bus.clock_hz)
+                job.ask()
+            elif not job.send():
+                self._starved()
+        if end < math.inf:
+            bus.sleep(max(end - bus.now(), 0) / bus.clock_hz)
+        elif not job.finished:
+            job.rest()
+            job.finished = True
+            bus.sleep(self.update)  # the last pulse goes out
+
+    @property
+    def _playing(self) -> _Job:
+        if self._job is None:
+            raise RuntimeError("call prepare() first")
+        return self._job
+
+    def _initialise(self) -> None:
+        """Set the board's times; reset it before, if the link can."""
+        try:
+            try:
+                self.driver.initialise(**self._times, reset=True)
+            except UsageError:  # no such pin on this link
+                self.driver.initialise(**self._times)
+        except RegisterValueError as error:
+            raise MotionLimitError(str(error)) from error
+
+    def _measure(self) -> int:
+        """Return how long it takes to read a register [clock]."""
+        bus, longest = self.driver.bus, 0
+        for _ in range(3):
+            start = bus.now()
+            self.driver.steps_lost()
+            longest = max(longest, bus.now() - start)
+        return longest
+
+    def _starved(self) -> None:
+        """Wait until everything rests; tell where."""
+        job = self._playing
+        job.rest()
+        place = job.place.tolist()
+        self._stopped = StarvedError(
+            f"rapcores: got no move in time and stood still at once, without a ramp, so that fast "
+            f"motors may have lost steps: the plan is done up to {job.time:.3f} s, the board is at "
+            f"steps {', '.join(f'{p:.1f}' for p in place)}; resume() goes back to the plan. The "
+            f"link or this computer was too slow; do less beside, or take a deeper buffer",
+            time=job.time,
+            position=tuple(place),
+        )
+        raise self._stopped
+
+
+class _Job:
+    """One trajectory on its way: conversion, what is sent, and what the board said to it.
+
+    Creating one sends its first moves.
+
+    Parameters
+    ----------
+    driver : RapcoresDriver
+    trajectory : Trajectory
+    pace : _Pace
+    accumulators : tuple of (motors,) int64, optional
+        Where the board is: steps and fractions of the trajectory. Default: at its start, rounded.
+
+    Attributes
+    ----------
+    start_cycle : int
+        Clock cycle of time 0 of the trajectory.
+    accumulators : tuple of (motors,) int64
+        Steps and fractions after the moves sent.
+    told : Told or None
+    finished : bool
+        For the player.
+    """
+
+    def __init__(
+        self,
+        driver: RapcoresDriver,
+        trajectory: Trajectory,
+        pace: _Pace,
+        accumulators: tuple[Ints, Ints] | None,
+    ) -> None:
+        self._driver, self._bus, self._pace = driver, driver.bus, pace
+        position, fraction = accumulators or (None, None)
+        self.converter = Converter(
+            trajectory,
+            ticks=pace.ticks,
+            tick=pace.tick,
+            word_bits=driver.word_bits,
+            position=position,
+            fraction=fraction,
+        )
+        self.accumulators = self.converter.position, self.converter.fraction
+        self.told: Told | None = None
+        self.finished = False
+        self._question = b"".join(
+            driver.codec.status_read(address) for address in (reg.R_TICKS_LEFT, reg.R_BUFFER_STATE)
+        )
+        self._offset = driver.read_steps()[: trajectory.axes] - self.accumulators[0]
+        self._completed = driver.counters().moves_completed
+        self._waiting: deque[tuple[bytes, int, Ints, Ints]] = deque()
+        # duration, and accumulators at the start, of the moves that may not be completed
+        self._open: deque[tuple[int, tuple[Ints, Ints]]] = deque(maxlen=driver.depth + 1)
+        self._sent = self._used = self._ticks_left = 0
+        self._all_converted = False
+        self.start_cycle = self._start()
+
+    @property
+    def waiting(self) -> bool:
+        """Whether there are moves to send."""
+        if not self._waiting and not self._all_converted:
+            self._append(self.converter.convert(CONVERTED))
+            if self.converter.done:
+                self._append(self.converter.finish())
+                self._all_converted = True
+        return bool(self._waiting)
+
+    @property
+    def full(self) -> bool:
+        """Whether the board took no further move when it was asked last."""
+        return self._used >= self._driver.depth
+
+    @property
+    def place(self) -> NDArray[np.float64]:
+        """Where the motors are after the moves sent [step], shape (motors,)."""
+        return self._place(self.accumulators)
+
+    @property
+    def time(self) -> float:
+        """Time of the trajectory after the moves sent [s]."""
+        time = self.converter.time(self._sent - 1)  # the first one is not of the conversion
+        return min(max(time, 0.0), self.converter.trajectory.duration)
+
+    def cycles_to_room(self) -> int:
+        """Return how long the executing move goes on [clock]; at least the time to ask again."""
+        return max(self._ticks_left * self._pace.tick - self._pace.read, self._pace.read)
+
+    def send(self) -> bool:
+        """Send the next move; return whether it came before the one ahead of it was over.
+
+        Raises
+        ------
+        EstopError
+            If the board was halted.
+        """
+        frame, duration, *accumulators = self._waiting.popleft()
+        words = self._driver.codec.to_words(self._bus.transfer(frame + self._question))
+        told = words[: -len(self._question) // self._driver.codec.word_bytes]
+        self._open.append((duration, self.accumulators))
+        self.accumulators = accumulators[0], accumulators[1]
+        self._sent += 1
+        self._note(words[-3], words[-1])
+        self._tell(told)
+        # Two moves now: the one ahead is not over. The last one, of a tick, may come at any time.
+        return self._used > 1 or not self._waiting
+
+    def ask(self) -> None:
+        """Ask whether there is room."""
+        if self._bus.level("buffer_dtr"):
+            self._used = self._driver.depth - 1
+        else:
+            words = self._driver.codec.to_words(self._bus.transfer(self._question))
+            self._note(words[1], words[3])
+
+    def rest(self) -> None:
+        """Wait until all moves sent are made; check that the board is where the model is.
+
+        Raises
+        ------
+        BusError
+            If it is not, or has counted errors.
+        """
+        driver = self._driver
+        driver.wait_idle()
+        driver.check_counters()
+        made = (driver.counters().moves_completed - self._completed) % COUNTS
+        steps = driver.read_steps()[: len(self._offset)]
+        if made != self._sent or (steps != self.accumulators[0] + self._offset).any():
+            raise BusError(
+                f"rapcores: the board made {made} moves and is at {steps.tolist()}, it was sent "
+                f"{self._sent} that lead to {(self.accumulators[0] + self._offset).tolist()}; "
+                f"something else has moved it or cleared its counters"
+            )
+
+    def _start(self) -> int:
+        """Send a move at rest, and fill the buffer behind it; return the cycle of time 0."""
+        pace = self._pace
+        lead = math.ceil(LEAD * reg.CLOCK_HZ / pace.tick)
+        none = np.zeros((1, len(self._offset)), np.int64)
+        position, fraction = self.accumulators
+        self._append(Moves(np.array([lead], np.uint32), none, none, position[None], fraction[None]))
+        frame, duration, *_ = self._waiting.popleft()
+        self._bus.transfer(frame)
+        self._open.append((duration, self.accumulators))
+        self._sent = self._used = 1
+        loaded = _sent_at(self._bus) + ACTS
+        first_tick = loaded + 1 + (pace.phase - loaded - 1) % pace.tick
+        while self.waiting and not self.full:
+            self.send()
+        return self.converter.start_cycle(first_tick + lead * pace.tick)
+
+    def _append(self, moves: Moves) -> None:
+        """Take in the next moves."""
+        shape = len(moves), self._driver.motors
+        increment, incinc = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
+        motors = moves.increment.shape[1]
+        increment[:, :motors], incinc[:, :motors] = moves.increment, moves.incinc
+        frames = self._driver.codec.moves(moves.duration, increment, incinc)
+        columns = (moves.duration.tolist(), moves.position, moves.fraction)
+        self._waiting.extend(zip(frames, *columns, strict=True))
+
+    def _note(self, ticks_left: int, state: int) -> None:
+        """Take in what the board says of its buffer."""
+        self._ticks_left = ticks_left
+        self._used = state & reg.R_BUFFER_STATE_USED_MASK
+        if state & HALT:
+            self._driver.check_running()
+
+    def _tell(self, words: list[int]) -> None:
+        """Take in the telemetry that came with a move, if it is known of which move it is."""
+        if not 0 < self._used <= len(self._open):
+            return
+        duration, accumulators = self._open[-self._used]
+        since = (duration - self._ticks_left) * self._pace.tick
+        between = 2 * self._pace.read  # the questions
+        if since > self._pace.message and self._ticks_left * self._pace.tick > between:
+            telemetry = self._driver.codec.telemetry(self._driver.codec.to_bytes(words))
+            self.told = Told(self._sent - self._used, self._place(accumulators), telemetry)
+
+    def _place(self, accumulators: tuple[Ints, Ints]) -> NDArray[np.float64]:
+        position, fraction = accumulators
+        return np.asarray(position + fraction / self._driver.one_step - 0.5)
+
+
+def _sent_at(bus: SpiBus) -> int:
+    """Return the cycle at which the last bit of the frame sent last ended; else the present."""
+    if not isinstance(bus, VirtualSpiBus):
+        return bus.now()
+    return bus.now() - bus.half - max(2 * bus.half, CS_HIGH)

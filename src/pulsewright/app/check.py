@@ -13,6 +13,7 @@ from pulsewright.app.progress import Progress, silent
 from pulsewright.errors import UsageError
 
 BOTH: Final = ("twin", "rtl")
+PATTERNS: Final = ("*.npz", "*.jsonl.gz")  # names of recordings
 
 
 @dataclass(frozen=True)
@@ -133,4 +134,6 @@ def _difference(text: str | None, engine: str) -> str | None:
 
 def _files(path: Path) -> list[Path]:
     """Return the recordings that a path means: itself, or those in a folder."""
-    return sorted(path.glob("*.npz")) if path.is_dir() else [path]
+    if not path.is_dir():
+        return [path]
+    return sorted(file for pattern in PATTERNS for file in path.glob(pattern))

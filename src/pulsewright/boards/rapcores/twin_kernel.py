@@ -1,0 +1,576 @@
+"""The twin's clock: edge by edge where something happens, nothing in between.
+
+The motors stay behind the present cycle and are brought to it when somebody looks (`advance_all`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from pulsewright.boards.rapcores import twin_message as message
+from pulsewright.boards.rapcores import twin_motor as motion
+from pulsewright.boards.rapcores import twin_original as original
+from pulsewright.boards.rapcores import twin_spi as spi_pins
+from pulsewright.boards.rapcores.registers import (
+    HEADER_NOP,
+    RESET_CYCLES,
+    W_BRAKE,
+    W_CLEAR,
+    W_CLEAR_HALT_SEEN_MASK,
+    W_CONTROL,
+    W_CONTROL_HALT_MASK,
+    W_DIR_HOLD,
+    W_DIR_HOLD_CYCLES_MASK,
+    W_DIR_HOLD_RESET,
+    W_DIR_POLARITY,
+    W_DIR_SETUP,
+    W_DIR_SETUP_CYCLES_MASK,
+    W_DIR_SETUP_RESET,
+    W_DIVIDER,
+    W_DIVIDER_DIVIDER_MASK,
+    W_DIVIDER_RESET,
+    W_ENABLE,
+    W_STEP_LOW,
+    W_STEP_LOW_CYCLES_MASK,
+    W_STEP_LOW_RESET,
+    W_STEP_POLARITY,
+    W_STEP_WIDTH,
+    W_STEP_WIDTH_CYCLES_MASK,
+    W_STEP_WIDTH_RESET,
+)
+from pulsewright.boards.rapcores.twin_motor import Times
+from pulsewright.boards.rapcores.twin_state import (
+    COPI,
+    CS,
+    DIRECTION,
+    DOCUMENT,
+    ENABLE,
+    ENCODER_DELAY,
+    ENCODER_PINS,
+    FIXED_ROWS,
+    HALT,
+    HALT_DELAY,
+    MOTOR_PINS,
+    MOVE_DONE,
+    RST_N,
+    SCK,
+    STEP,
+    State,
+    hold_telemetry,
+    motor_row,
+    next_tick,
+    pieces_before,
+    show_ready,
+    signed,
+)
+from pulsewright.twin import quadrature
+from pulsewright.twin.clock import NEVER
+from pulsewright.twin.kernel import hot, inlined, kernel
+from pulsewright.twin.recorder import drive, toggle
+
+FRAME_END: Final = 4  # cycles from the rise of CS to what it does
+
+# ------------------------------------------------------------------------------------------- motors
+
+
+@kernel
+def advance_all(s: State, end: int) -> bool:
+    """Run all motors up to cycle ``end``, not included; False if a buffer is full."""
+    board = s.world.board
+    if board.profile != DOCUMENT:
+        return True
+    times = Times(max(board.width, 1), max(board.low, 1), max(board.setup, 1), max(board.hold, 1))
+    ticks = pieces_before(board, end)
+    done = True
+    for i in range(board.motors):
+        pins = (motor_row(i, STEP), motor_row(i, DIRECTION))
+        motor = s.world.motors[i]
+        if motor.shown < end or motor.done < ticks:
+            ran = motion.advance(
+                motor, end, ticks, board.piece_first, board.period, times, s.rows, pins
+            )
+            done = done and ran
+    return done
+
+
+@kernel
+def begin_piece(s: State, cycle: int) -> None:
+    """Let the ticks from ``cycle`` on be those of the countdown."""
+    board = s.world.board
+    board.piece_first = next_tick(board, cycle)
+    for i in range(board.motors):
+        s.world.motors[i].done = 0
+    board.sequence_at = cycle
+    if board.piece_count:
+        board.sequence_at = board.piece_first + (board.piece_count - 1) * board.period
+
+
+# ---------------------------------------------------------------------------------------- sequencer
+
+
+@kernel
+def load(s: State, slot: int, cycle: int) -> None:
+    """Load a move at edge ``cycle``; the motors must be past it."""
+    board = s.world.board
+    hold_telemetry(s)
+    board.run = 1
+    board.piece_count = board.duration[slot]
+    for i in range(board.motors):
+        motor = s.world.motors[i]
+        motor.increment, motor.change = board.increment[slot, i], board.change[slot, i]
+    begin_piece(s, cycle + 1)
+
+
+@hot
+def sequence(s: State, cycle: int) -> None:
+    """End the executing move, or load one, in ``cycle``."""
+    board = s.world.board
+    board.sequence_at = NEVER
+    if not board.run:
+        load(s, board.slot, cycle)
+        return
+    advance_all(s, cycle + 1)
+    toggle(s.rows, MOVE_DONE, cycle)
+    board.completed += 1
+    board.slot = (board.slot + 1) % board.depth
+    board.used -= 1
+    if board.used:
+        load(s, board.slot, cycle)
+    else:
+        board.run = board.piece_count = 0
+        board.idle_from = cycle + 1
+        for i in range(board.motors):
+            s.world.motors[i].done = 0
+
+
+@kernel
+def stop(s: State, cycle: int) -> None:
+    """Do what the first halted cycle does; the motors must stand there."""
+    board = s.world.board
+    board.halt_at = board.sequence_at = NEVER
+    board.halt_seen = 1
+    if board.run:
+        board.run = 0
+        board.idle_from = cycle + 1
+    board.used = board.piece_count = board.accept = 0
+    board.slot = board.write_slot
+    for i in range(board.motors):
+        motor = s.world.motors[i]
+        motor.position -= motor.backlog + motor.delta
+        motor.backlog = motor.delta = motor.done = 0
+
+
+@kernel
+def change_halt(s: State, cycle: int) -> None:
+    """Let the board be halted, or not, from the cycle after ``cycle`` on."""
+    board = s.world.board
+    halted = 1 if board.soft_halt or board.pin_halt else 0
+    if board.profile == DOCUMENT and halted != board.halted:
+        board.halted = halted
+        if halted:
+            board.halt_at = cycle + 1
+    show_ready(s, cycle)
+
+
+@kernel
+def arm(s: State, cycle: int) -> None:
+    """Arm the slot that was written to, at edge ``cycle``."""
+    board = s.world.board
+    board.used += 1
+    board.write_slot = (board.write_slot + 1) % board.depth
+    if not board.run:
+        board.sequence_at = cycle + 1
+
+
+# ------------------------------------------------------------------------------------ configuration
+
+
+@kernel
+def change_divider(s: State, value: int, cycle: int) -> None:
+    """Write the divider at edge ``cycle``; the motors must be past it."""
+    board = s.world.board
+    board.divider = value
+    period = (value & W_DIVIDER_DIVIDER_MASK) + 1
+    if board.profile != DOCUMENT:
+        board.period = period
+        return
+    start = cycle + 1
+    left = board.piece_count - pieces_before(board, start)
+    if start > board.base:
+        board.before = board.base + (start - 1 - board.base) // board.period * board.period
+    board.base = max(start, board.before + period)
+    board.period = period
+    if board.run and board.piece_count:
+        board.piece_count = left
+        begin_piece(s, start)
+
+
+@kernel
+def change_polarity(s: State, pin: int, changed: int, cycle: int) -> None:
+    """Toggle step or direction pins of motors at edge ``cycle``."""
+    for i in range(s.world.board.motors):
+        if changed >> i & 1:
+            toggle(s.rows, motor_row(i, pin), cycle)
+
+
+@kernel
+def write(s: State, address: int, value: int, cycle: int) -> None:
+    """Write a configuration register at edge ``cycle``; the motors must be past it."""
+    board = s.world.board
+    motors = (1 << board.motors) - 1
+    if address == W_ENABLE:
+        board.enable = value
+        for i in range(board.motors):
+            drive(s.rows, motor_row(i, ENABLE), value >> i & 1, cycle)
+    elif address == W_BRAKE:
+        board.brake = value
+    elif address == W_DIVIDER:
+        change_divider(s, value, cycle)
+    elif board.profile != DOCUMENT:
+        return
+    elif address == W_STEP_WIDTH:
+        board.width = value & W_STEP_WIDTH_CYCLES_MASK
+    elif address == W_STEP_LOW:
+        board.low = value & W_STEP_LOW_CYCLES_MASK
+    elif address == W_DIR_SETUP:
+        board.setup = value & W_DIR_SETUP_CYCLES_MASK
+    elif address == W_DIR_HOLD:
+        board.hold = value & W_DIR_HOLD_CYCLES_MASK
+    elif address == W_CONTROL:
+        board.soft_halt = value & W_CONTROL_HALT_MASK
+        change_halt(s, cycle)
+    elif address == W_CLEAR:
+        if value & W_CLEAR_HALT_SEEN_MASK and not board.halted:
+            board.halt_seen = 0
+            show_ready(s, cycle)
+    elif address == W_STEP_POLARITY:
+        change_polarity(s, STEP, board.step_polarity ^ value & motors, cycle)
+        board.step_polarity = value & motors
+    elif address == W_DIR_POLARITY:
+        change_polarity(s, DIRECTION, board.direction_polarity ^ value & motors, cycle)
+        board.direction_polarity = value & motors
+
+
+@hot
+def after_message(s: State, cycle: int) -> None:
+    """Do what a message left for the end of ``cycle``."""
+    board = s.world.board
+    if board.profile != DOCUMENT and (board.arm or board.stores or board.writes):
+        original.pass_time(board, cycle + 1)
+    if board.stores:
+        message.store(board, board.stores, board.store_value)
+        board.stores = 0
+    if board.writes:
+        board.writes = 0
+        advance_all(s, cycle + 1)
+        write(s, board.write_address, board.write_value, cycle)
+    if board.arm:
+        board.arm = 0
+        if board.profile == DOCUMENT:
+            arm(s, cycle)
+            show_ready(s, cycle)
+        else:
+            original.arm(s, cycle)
+
+
+@kernel
+def end_frame(s: State) -> None:
+    """Do what the end of a frame does."""
+    board, spi = s.world.board, s.world.spi
+    board.frame_at = NEVER
+    if spi.count or spi.partial:
+        board.framing += 1
+    spi.count = spi.partial = 0
+    if board.cs_reset_message and board.header != HEADER_NOP:
+        board.header = HEADER_NOP
+        board.reply = 0
+        board.aborted += 1
+
+
+# ------------------------------------------------------------------------------------------- inputs
+
+
+@inlined
+def look(s: State, e: int, cycle: int) -> None:
+    """Let an encoder see its pins in ``cycle``."""
+    encoder = s.world.encoders[e]
+    if encoder.a == encoder.pin_a and encoder.b == encoder.pin_b:
+        return
+    if encoder.a != encoder.pin_a and encoder.b != encoder.pin_b:
+        s.world.board.fault |= 1 << e
+    else:
+        step = quadrature.count(encoder.a, encoder.b, encoder.pin_a, encoder.pin_b)
+        encoder.old_position, encoder.old_velocity = encoder.position, encoder.velocity
+        encoder.position = signed(encoder.position + step)
+        encoder.velocity = signed(step * (cycle - encoder.last - 1))
+        encoder.last = cycle
+    encoder.a, encoder.b = encoder.pin_a, encoder.pin_b
+
+
+@hot
+def take_pins(s: State, cycle: int) -> None:
+    """Bring all pins to what edge ``cycle`` looks at, and let the encoders count."""
+    board, spi, queue = s.world.board, s.world.spi, s.queue
+    while board.head < queue.shape[0] and queue[board.head, 0] <= cycle:
+        pin, level = queue[board.head, 1], queue[board.head, 2]
+        board.head += 1
+        if pin >= ENCODER_PINS:
+            e = (pin - ENCODER_PINS) >> 1
+            if (pin - ENCODER_PINS) & 1:
+                s.world.encoders[e].pin_b = level
+            else:
+                s.world.encoders[e].pin_a = level
+                if board.head < queue.shape[0]:
+                    both = queue[board.head, 0] == cycle and queue[board.head, 1] == pin + 1
+                    if both:
+                        continue
+            if board.in_reset:
+                if board.profile == DOCUMENT:
+                    encoder = s.world.encoders[e]
+                    encoder.a, encoder.b = encoder.pin_a, encoder.pin_b
+            elif cycle > board.check_at or board.check_at == NEVER or board.profile == DOCUMENT:
+                look(s, e, cycle)
+        elif pin == CS:
+            spi.cs = level
+            board.spi_at = cycle
+        elif pin == SCK:
+            spi.sck = level
+            board.spi_at = cycle
+        elif pin == COPI:
+            spi.copi = level
+            board.spi_at = cycle
+        elif pin == HALT:
+            board.halt = level
+            if not board.in_reset and (board.check_at == NEVER or cycle > board.check_at - 1):
+                board.pin_halt = 1 if board.halt_pin and not level else 0
+                change_halt(s, cycle)
+        elif pin == RST_N:
+            if board.rst_n and not level:
+                board.ready_at = NEVER
+                if not board.in_reset:
+                    board.reset_at = cycle + 1
+            elif level and not board.rst_n:
+                board.ready_at = cycle + RESET_CYCLES
+            board.rst_n = level
+
+
+@kernel
+def check_inputs(s: State, cycle: int) -> None:
+    """Look at inputs whose flops have been in reset: the halt pin first, then the encoders."""
+    board = s.world.board
+    if cycle == board.check_at - 1:
+        board.pin_halt = 1 if board.halt_pin and not board.halt else 0
+        change_halt(s, cycle)
+    else:
+        board.check_at = NEVER
+        for e in range(board.encoders):
+            look(s, e, cycle)
+
+
+# -------------------------------------------------------------------------------------------- reset
+
+
+@kernel
+def enter_reset(s: State, cycle: int) -> None:
+    """Bring everything to its reset value at edge ``cycle``; the motors must be past it."""
+    board = s.world.board
+    board.in_reset = 1
+    board.reset_at = board.check_at = board.word_at = board.frame_at = NEVER
+    board.halt_at = board.sequence_at = NEVER
+    board.header = board.place = board.address = board.reply = board.accept = 0
+    board.run = board.used = board.write_slot = board.slot = board.piece_count = 0
+    board.enable = board.brake = board.halted = board.halt_seen = 0
+    board.soft_halt = board.pin_halt = board.step_polarity = board.direction_polarity = 0
+    board.fault = board.arm = board.writes = board.stores = 0
+    board.tick1 = board.tick2 = board.ready = board.finished = 0
+    board.completed = board.refused = board.framing = board.aborted = board.unknown = 0
+    board.ticks_left = board.count = 0
+    board.divider = W_DIVIDER_RESET
+    board.period = W_DIVIDER_RESET + 1
+    board.width, board.low = W_STEP_WIDTH_RESET, W_STEP_LOW_RESET
+    board.setup, board.hold = W_DIR_SETUP_RESET, W_DIR_HOLD_RESET
+    for k in range(board.held.size):
+        board.held[k] = 0
+    for k in range(board.depth):
+        board.directions[k] = 0
+        board.duration[k] = 0
+        for i in range(board.motors):
+            board.increment[k, i] = board.change[k, i] = 0
+    spi_pins.reset(s.world.spi)
+    for i in range(board.motors):
+        motor = s.world.motors[i]
+        motor.position = motor.fraction = motor.increment = motor.change = motor.done = 0
+        motor.delta = motor.backlog = motor.step = motor.direction = motor.lost = 0
+        motor.low = motor.hold = motor.setup = 0
+    for row in range(FIXED_ROWS + MOTOR_PINS * board.motors):
+        drive(s.rows, row, 0, cycle)
+    s.world.spi.shown = 0
+    show_ready(s, cycle)
+    for e in range(board.encoders):
+        encoder = s.world.encoders[e]
+        encoder.position = encoder.velocity = 0
+        if board.profile == DOCUMENT:
+            encoder.a, encoder.b = encoder.pin_a, encoder.pin_b
+        else:
+            encoder.a = encoder.b = 0
+
+
+@kernel
+def leave_reset(s: State, cycle: int) -> None:
+    """Let everything run from ``cycle`` on."""
+    board = s.world.board
+    board.in_reset = 0
+    board.ready_at = NEVER
+    board.check_at = cycle + ENCODER_DELAY
+    board.spi_at = cycle
+    board.before = cycle - 1
+    board.base = cycle - 1 + board.period
+    board.idle_from = board.core_cycle = cycle
+    for i in range(board.motors):
+        s.world.motors[i].shown = cycle
+    for e in range(board.encoders):
+        s.world.encoders[e].last = cycle - 1
+
+
+# ------------------------------------------------------------------------------------- edge by edge
+
+
+@hot
+def next_event(s: State) -> int:
+    """Return the first cycle after ``done`` in which something happens by itself."""
+    board = s.world.board
+    first = min(board.reset_at, board.ready_at, board.spi_at)
+    if board.head < s.queue.shape[0]:
+        first = min(first, s.queue[board.head, 0])
+    if board.in_reset:
+        return int(first)
+    first = min(first, board.word_at, board.frame_at, board.halt_at, board.sequence_at)
+    if board.check_at != NEVER:
+        first = min(first, board.check_at - (ENCODER_DELAY - HALT_DELAY))
+    if board.profile != DOCUMENT:
+        first = min(first, original.next_event(s))
+    return int(max(first, board.done + 1))
+
+
+@kernel
+def stand(s: State, cycle: int) -> bool:
+    """Bring the motors to ``cycle``, with room for one more; False if a buffer is full."""
+    return advance_all(s, cycle) and s.rows.full[0] == 0
+
+
+@hot
+def edge(s: State, cycle: int) -> bool:
+    """Do all that happens in ``cycle``; False, and nothing done, if a buffer is full."""
+    board = s.world.board
+    if s.rows.full[0]:
+        return False
+    acts = board.word_at == cycle
+    looks = acts and message.looks_at_motors(board, board.word_value)
+    moves = board.sequence_at == cycle or board.halt_at == cycle or board.reset_at == cycle
+    if (looks or moves) and not stand(s, cycle):
+        return False
+    if board.ready_at == cycle:
+        leave_reset(s, cycle)
+    if board.reset_at == cycle:
+        advance_all(s, cycle + 1)
+        enter_reset(s, cycle)
+    elif not board.in_reset:
+        run_blocks(s, cycle, acts)
+        if board.writes or board.arm or board.stores:
+            after_message(s, cycle)
+    take_pins(s, cycle)
+    if not board.in_reset and cycle >= board.check_at - 1:
+        check_inputs(s, cycle)
+    if board.spi_at <= cycle:
+        spi_pins.clock(s, cycle)
+        spi_pins.show(s, cycle)
+    elif s.world.spi.cs1 == 0:
+        spi_pins.show(s, cycle)
+    return True
+
+
+@hot
+def run_blocks(s: State, cycle: int, acts: bool) -> None:
+    """Let messages and moves do what they do in ``cycle``."""
+    board = s.world.board
+    if acts:
+        board.word_at = NEVER
+        message.act(s, board.word_value, cycle)
+    if board.frame_at == cycle:
+        end_frame(s)
+    if board.halt_at == cycle:
+        stop(s, cycle)
+    elif board.sequence_at == cycle:
+        sequence(s, cycle)
+        show_ready(s, cycle)
+    if board.profile != DOCUMENT and original.next_event(s) <= cycle:
+        original.clock(s, cycle)
+
+
+@kernel
+def run(s: State, cycle: int) -> bool:
+    """Do all cycles through ``cycle``; motors stay behind. False if a buffer is full."""
+    board = s.world.board
+    while True:
+        if board.next_event <= cycle:
+            board.next_event = next_event(s)
+        if board.next_event > cycle:
+            board.done = max(board.done, cycle)
+            return True
+        if not edge(s, board.next_event):
+            return False
+        board.done = board.next_event
+
+
+@kernel
+def settle(s: State) -> bool:
+    """Bring all pins to the present cycle; False if a buffer is full."""
+    board = s.world.board
+    if s.rows.full[0]:
+        return False
+    return board.in_reset == 1 or advance_all(s, board.done + 1)
+
+
+# --------------------------------------------------------------------------------------------- bus
+
+
+@kernel
+def takes_words(s: State, start: int, end: int) -> bool:
+    """Tell whether a frame from ``start`` to ``end`` can be taken word by word."""
+    board, queue = s.world.board, s.queue
+    if board.in_reset or board.bus_pins or board.done != start - 1:
+        return False
+    for k in range(board.head, queue.shape[0]):
+        if queue[k, 0] > end:
+            break
+        if queue[k, 1] < HALT:
+            return False
+    frame_ends = board.frame_at != NEVER or board.check_at != NEVER
+    return spi_pins.quiet(board, s.world.spi) and not frame_ends
+
+
+@kernel
+def transfer(s: State, place: int, start: int, half: int, words: Any, replies: Any) -> int:
+    """Take the words of a frame with CS falling at ``start``, from word ``place`` on.
+
+    ``replies`` is what comes back with each of them. Return the place to go on from once buffers
+    have room; one more than there are words if the frame is done.
+    """
+    board = s.world.board
+    bits = 2 * half * board.word_bits
+    while place < words.size:
+        acts_at = start + half + (place + 1) * bits + spi_pins.FLAG
+        if board.word_at == NEVER:
+            replies[place] = board.reply
+            board.word_at = acts_at
+            board.word_value = words[place]
+            board.next_event = 0
+        if not run(s, acts_at):
+            return place
+        place += 1
+    rise = start + 2 * half + words.size * bits
+    spi_pins.after_word(board, s.world.spi, words[words.size - 1])
+    if board.profile == DOCUMENT and board.header != HEADER_NOP:
+        board.frame_at = rise + FRAME_END
+        board.next_event = 0
+    return place + 1 if run(s, rise) else place

@@ -926,11 +926,10 @@ class RapcoresDriver(Driver[SpiBus]):
     ) -> tuple[BufferState | None, MoveTelemetry]:
         """Send a move; return the buffer's state just before it, and what the board tells."""
         codec = self.codec
-        self._busy_until = max(self._busy_until, self.bus.now(), cycle) + (duration + 2) * (
-            self._divider + 1
-        )
         if self.profile != "document":
             reply = self.bus.transfer(frame, cycle)
+            begin = max(self._busy_until, self.bus.now())
+            self._busy_until = begin + (duration + 2) * (self._divider + 1)
             read = codec.telemetry_v020 if self.profile == "v020" else codec.telemetry
             return None, self._telemetry(read(reply))
         head = [codec.status_read(reg.R_BUFFER_STATE)]

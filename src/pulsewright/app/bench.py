@@ -121,14 +121,17 @@ def _pluto_step_twin() -> Figures:
 
 
 def _s3g_twin() -> Figures:
-    from pulsewright.boards import open_board
     from pulsewright.boards.s3g import registers as reg
+    from pulsewright.boards.s3g.driver import S3GDriver
     from pulsewright.boards.s3g.program import assemble
+    from pulsewright.boards.s3g.twin import S3GTwin
+    from pulsewright.transport.serial_bus import VirtualSerialBus
 
-    driver = open_board("s3g")
+    twin = S3GTwin()
+    driver = S3GDriver(VirtualSerialBus(twin))
     driver.initialise(pulse_width=2e-6, direction_setup=5e-6)
     driver.release_estop()
-    channels, twin = reg.CHANNELS, driver.bus.twin
+    channels = reg.CHANNELS
     word = round(TWIN_RATE * 2**16 / reg.CLOCK_HZ)
     bits = " | ".join(f"SET_V[{c}]" for c in range(channels))
     lines = [

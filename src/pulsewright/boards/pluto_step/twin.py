@@ -15,11 +15,10 @@ level of cycles, this is how the twin reads it:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.pluto_step import twin_kernel as kernel
@@ -30,13 +29,11 @@ from pulsewright.boards.pluto_step.registers import (
     R_POSITION_VALUE_MASK,
     W_VELOCITY_VALUE_MASK,
 )
-from pulsewright.edges.trace import EdgeTrace
-from pulsewright.errors import BusError, UsageError
-from pulsewright.transport.bus import EPP_ACCESS
+from pulsewright.boards.twinning import EppTwin
+from pulsewright.errors import UsageError
 from pulsewright.twin.clock import NEVER
 from pulsewright.twin.epp import ACCESS_NS
-from pulsewright.twin.inputs import InputPins, merged
-from pulsewright.twin.recorder import Recorder
+from pulsewright.twin.inputs import merged
 
 BUS_INPUTS: Final = ("nwrite", "ndatastr", "naddrstr", "ninit", "data")
 INPUT_PINS: Final = (*BUS_INPUTS, *(f"din{n}" for n in range(kernel.INPUTS)))
@@ -51,7 +48,7 @@ BUS_OUTPUTS: Final = ("nwait", "nconfig", "drive", *(f"data{n}" for n in range(8
 ACCESS_CYCLES: Final = CLOCK_HZ // 1000 * ACCESS_NS // 1_000_000
 
 
-class PlutoStepTwin:
+class PlutoStepTwin(EppTwin):
     """One board on an EPP bus.
 
     Parameters
@@ -91,8 +88,6 @@ class PlutoStepTwin:
     312
     """
 
-    clock_hz = CLOCK_HZ
-
     def __init__(
         self,
         profile: str = DEFAULT_PROFILE,
@@ -107,11 +102,14 @@ class PlutoStepTwin:
                 f"pluto_step twin: an access of {access_cycles} cycles; at least 1 is allowed"
             )
         self.profile, self.access_cycles = profile, access_cycles
-        self.input_pins = INPUT_PINS
-        self.output_pins = BOARD_OUTPUTS + (BUS_OUTPUTS if bus_pins else ())
-        self._inputs = InputPins("pluto_step twin", INPUT_PINS, {"data": 0xFF})
-        high = ("nwait", "nconfig") if self.switches["nwait_idle"] else ("nconfig",)
-        self._recorder = Recorder(self.output_pins, CLOCK_HZ, high)
+        super().__init__(
+            "pluto_step",
+            CLOCK_HZ,
+            INPUT_PINS,
+            BOARD_OUTPUTS + (BUS_OUTPUTS if bus_pins else ()),
+            most={"data": 0xFF},
+            high=("nwait", "nconfig") if self.switches["nwait_idle"] else ("nconfig",),
+        )
         board = np.zeros(1, kernel.BOARD)
         for name in kernel.SWITCHES:
             board[name] = self.switches[name]
@@ -126,85 +124,11 @@ class PlutoStepTwin:
             self._recorder.rows,
         )
 
-    # ---------------------------------------------------------------------------------------- time
-
-    @property
-    def now(self) -> int:
-        """Present cycle: its edge is done, an access without a later cycle acts after it."""
-        return max(int(self._s.board["done"][0]), 0)
-
     @property
     def next_access(self) -> int:
         """First cycle at which a further access can act."""
         free = int(self._s.board["last_access"][0]) + self.access_cycles
         return max(self.now, free)
-
-    def advance(self, cycle: int) -> None:
-        """Run through the edge ``cycle`` without bus access.
-
-        Raises
-        ------
-        UsageError
-            If the cycle is over.
-        """
-        if cycle < self.now:
-            raise UsageError(
-                f"pluto_step twin: advance to cycle {cycle}, but it is already {self.now}"
-            )
-        while not kernel.run(self._s, cycle):
-            self._grow()
-
-    def drain(self, copy: bool = True) -> EdgeTrace:
-        """Return all level changes since the last call, up to, not including, cycle `now`.
-
-        Changes at `now` itself come with the next call, for the cycle may not be over.
-
-        Parameters
-        ----------
-        copy : bool
-            False: the arrays of the trace look into the twin's buffers and are valid only until
-            time goes on. For loops that look at every chunk once.
-        """
-        self._settle()
-        return self._recorder.drain(self.now, copy)
-
-    # ----------------------------------------------------------------------------------------- bus
-
-    def transact(self, accesses: NDArray[np.void]) -> None:
-        """Carry out EPP accesses in order.
-
-        Parameters
-        ----------
-        accesses : (n,) EPP_ACCESS
-            An access acts after the edge ``cycle``, but not before the present cycle nor earlier
-            than ``access_cycles`` after the access before it; `ASAP` asks for just that. Filled in:
-            ``cycle`` at which it acted, ``value`` of reads, ``timeout`` = 1 while the board is in
-            reset (never for an address write; a read then gives the byte last driven).
-
-        Raises
-        ------
-        BusError
-            If an access has an unknown op; none has been carried out then.
-        """
-        if accesses.dtype != EPP_ACCESS or accesses.ndim != 1:
-            raise BusError(
-                f"pluto_step twin: accesses must be a one-dimensional array of EPP_ACCESS, not "
-                f"{accesses.ndim}-dimensional of {accesses.dtype}"
-            )
-        bad = kernel.unknown_op(accesses)
-        if bad < len(accesses):
-            raise BusError(
-                f"pluto_step twin: access {bad} has op {int(accesses['op'][bad])}; allowed are "
-                "ADDRESS_WRITE, DATA_WRITE, DATA_READ and ADDRESS_READ"
-            )
-        done = 0
-        while (done := kernel.transact(self._s, accesses, done)) < len(accesses):
-            self._grow()
-
-    def reset(self) -> None:
-        """Pulse nINIT: the board goes to its reset state; the present edge is its edge 0."""
-        self.set_ninit(0)
-        self.set_ninit(1)
 
     def set_ninit(self, level: int) -> None:
         """Bring nINIT to a level now; low holds the board in reset, where it does not answer."""
@@ -212,32 +136,6 @@ class PlutoStepTwin:
         kernel.set_ninit(self._s, int(bool(level)))
 
     # -------------------------------------------------------------------------------------- inputs
-
-    def schedule(
-        self, cycles: ArrayLike, pins: str | Sequence[str] | ArrayLike, levels: ArrayLike
-    ) -> None:
-        """Let input pins change at later cycles.
-
-        Parameters
-        ----------
-        cycles : (n,) int
-            First edge that samples the new level, after `now` (from 0 on if nothing has run yet).
-            Any order; of several changes of one pin at one cycle the last one counts.
-        pins : (n,) str or int, or one of them for all
-            Names from `input_pins`, or their numbers there.
-        levels : (n,) int, or one for all
-            0 or 1; 0..255 for ``data``.
-
-        Raises
-        ------
-        UsageError
-            If a pin is unknown, a level not possible or a cycle over; nothing is scheduled then.
-        """
-        board = self._s.board
-        events = self._inputs.events(cycles, pins, levels, int(board["done"][0]))
-        queue = merged(self._s.queue[int(board["head"][0]) :], events)
-        board["head"], board["next_event"] = 0, 0
-        self._s = self._s._replace(queue=queue)
 
     def set_din(self, value: int) -> None:
         """Set all digital inputs now, bit n = input n.
@@ -292,11 +190,22 @@ class PlutoStepTwin:
 
     # ------------------------------------------------------------------------------------- helpers
 
-    def _grow(self) -> None:
-        self._recorder.grow()
-        self._s = self._s._replace(rows=self._recorder.rows)
+    def _done(self) -> int:
+        return int(self._s.board["done"][0])
+
+    def _run(self, cycle: int) -> bool:
+        return kernel.run(self._s, cycle)
+
+    def _transact(self, accesses: NDArray[np.void], first: int) -> int:
+        return kernel.transact(self._s, accesses, first)
+
+    def _queue(self, events: NDArray[np.int64]) -> None:
+        board = self._s.board
+        queue = merged(self._s.queue[int(board["head"][0]) :], events)
+        board["head"], board["next_event"] = 0, 0
+        self._s = self._s._replace(queue=queue)
 
     def _settle(self) -> None:
         """Bring the axes to the present cycle; they run only when looked at."""
-        while not kernel.run_all(self._s, int(self._s.board["done"][0])):
+        while not kernel.run_all(self._s, self._done()):
             self._grow()

@@ -58,7 +58,7 @@ from pulsewright.boards.pluto_step.twin_stepgen import (
     advance,
     step_bit,
 )
-from pulsewright.transport.bus import ADDRESS_READ, ADDRESS_WRITE, DATA_READ, DATA_WRITE
+from pulsewright.transport.bus import ADDRESS_WRITE, DATA_READ, DATA_WRITE
 from pulsewright.twin import epp
 from pulsewright.twin.clock import NEVER, ticks_through
 from pulsewright.twin.kernel import inlined, kernel
@@ -521,16 +521,6 @@ def run_all(s: State, cycle: int) -> bool:
 
 
 # ------------------------------------------------------------------------------------- transactions
-
-
-@kernel
-def unknown_op(accesses: Any) -> int:
-    """Return the number of the first access with an unknown op, or the number of accesses."""
-    for n in range(accesses.size):
-        op = accesses[n].op
-        if op != ADDRESS_WRITE and op != DATA_WRITE and op != DATA_READ and op != ADDRESS_READ:
-            return n
-    return len(accesses)
 
 
 @kernel

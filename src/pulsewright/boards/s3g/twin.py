@@ -18,11 +18,10 @@ the specification. Where the specification leaves a choice, this is how the twin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.s3g import twin_kernel as kernel
@@ -43,12 +42,11 @@ from pulsewright.boards.s3g.registers import (
 )
 from pulsewright.boards.s3g.twin_channel import CHANNEL
 from pulsewright.boards.s3g.twin_protocol import be_control
-from pulsewright.edges.trace import EdgeTrace
+from pulsewright.boards.twinning import Twin
 from pulsewright.errors import BusError, UsageError
 from pulsewright.twin import uart
 from pulsewright.twin.clock import NEVER
-from pulsewright.twin.inputs import InputPins, merged
-from pulsewright.twin.recorder import Recorder
+from pulsewright.twin.inputs import merged
 
 INPUT_PINS: Final = ("avr_tx", "ext_tx", "rst_n", "cclk")
 BUS_OUTPUTS: Final = ("avr_rx", "ext_rx")
@@ -64,7 +62,7 @@ def output_pins(channels: int) -> tuple[str, ...]:
     )
 
 
-class S3GTwin:
+class S3GTwin(Twin):
     """One board with two serial ports, 1 (pins ``avr_*``) and 2 (``ext_*``).
 
     The board is ready to listen 1024 cycles after cycle 0.
@@ -110,8 +108,6 @@ class S3GTwin:
     'd505010081bace34'
     """
 
-    clock_hz = CLOCK_HZ
-
     def __init__(
         self,
         profile: str = DEFAULT_PROFILE,
@@ -127,12 +123,14 @@ class S3GTwin:
         self.switches = resolve_switches(MAP, profile, switches)
         bauds = (baud1, baud2)
         _check(channels, bauds, ints_timer, prog_words)
+        super().__init__(
+            "s3g",
+            CLOCK_HZ,
+            INPUT_PINS,
+            output_pins(channels) + (BUS_OUTPUTS if bus_pins else ()),
+            high=tuple(f"mot{c}_enable" for c in range(channels)),
+        )
         self.profile, self.channels = profile, channels
-        self.input_pins = INPUT_PINS
-        self.output_pins = output_pins(channels) + (BUS_OUTPUTS if bus_pins else ())
-        self._inputs = InputPins("s3g twin", INPUT_PINS, {})
-        enables = tuple(f"mot{c}_enable" for c in range(channels))
-        self._recorder = Recorder(self.output_pins, CLOCK_HZ, enables)
         self._heard = np.zeros(uart.HEARD, np.uint8)  # what `receive` returns
 
         board = np.zeros(1, layout.BOARD)
@@ -154,43 +152,9 @@ class S3GTwin:
             self._recorder.rows,
         )
 
-    # ----------------------------------------------------------------------------------------- time
-
-    @property
-    def now(self) -> int:
-        """Present cycle: its edge is done."""
-        return max(int(self._s.board["done"][0]), 0)
-
-    def advance(self, cycle: int) -> None:
-        """Run through the edge ``cycle``.
-
-        Raises
-        ------
-        UsageError
-            If the cycle is over.
-        """
-        if cycle < self.now:
-            raise UsageError(f"s3g twin: advance to cycle {cycle}, but it is already {self.now}")
-        while not kernel.run(self._s, cycle, 0, NEVER):
-            self._grow()
-
-    def drain(self, copy: bool = True) -> EdgeTrace:
-        """Return all level changes since the last call, up to, not including, cycle `now`.
-
-        Changes at `now` itself come with the next call, for the cycle may not be over.
-
-        Parameters
-        ----------
-        copy : bool
-            False: the arrays of the trace look into the twin's buffers and are valid only until
-            time goes on. For loops that look at every chunk once.
-        """
-        self._settle()
-        return self._recorder.drain(self.now, copy)
-
     def reset(self) -> None:
         """Pulse ``rst_n``, and let time pass until the board is ready again."""
-        start = int(self._s.board["done"][0]) + 1
+        start = self._done() + 1
         self.schedule([start, start + 1], "rst_n", [0, 1])
         self.advance(start + 1 + READY_CYCLES)
 
@@ -265,37 +229,6 @@ class S3GTwin:
             )
         return self._heard[:received].tobytes()
 
-    # --------------------------------------------------------------------------------------- inputs
-
-    def schedule(
-        self, cycles: ArrayLike, pins: str | Sequence[str] | ArrayLike, levels: ArrayLike
-    ) -> None:
-        """Let input pins change at later cycles.
-
-        Parameters
-        ----------
-        cycles : (n,) int
-            First edge that samples the new level, after `now` (from 0 on if nothing has run yet).
-            Any order; of several changes of one pin at one cycle the last one counts.
-        pins : (n,) str or int, or one of them for all
-            Names from `input_pins`, or their numbers there.
-        levels : (n,) int, or one for all
-            0 or 1.
-
-        Raises
-        ------
-        UsageError
-            If a pin is unknown, a level not possible or a cycle over; nothing is scheduled then.
-        """
-        board = self._s.board[0]
-        events = self._inputs.events(cycles, pins, levels, int(board["done"]))
-        for n in range(layout.PORTS):
-            if len(mine := events[events[:, 1] == n]):
-                self._schedule_line(n, mine)
-        queue = merged(self._s.queue[int(board["head"]) :], events[events[:, 1] >= layout.PORTS])
-        board["head"] = board["next_event"] = 0
-        self._s = self._s._replace(queue=queue)
-
     # ---------------------------------------------------------------------------------------- state
 
     def state(self) -> dict[str, Any]:
@@ -340,6 +273,21 @@ class S3GTwin:
             raise UsageError(f"s3g twin: serial port {port}; there are 1 (avr) and 2 (ext)")
         return port - 1
 
+    def _done(self) -> int:
+        return int(self._s.board["done"][0])
+
+    def _run(self, cycle: int) -> bool:
+        return kernel.run(self._s, cycle, 0, NEVER)
+
+    def _queue(self, events: NDArray[np.int64]) -> None:
+        for n in range(layout.PORTS):
+            if len(mine := events[events[:, 1] == n]):
+                self._schedule_line(n, mine)
+        board = self._s.board[0]
+        queue = merged(self._s.queue[int(board["head"]) :], events[events[:, 1] >= layout.PORTS])
+        board["head"] = board["next_event"] = 0
+        self._s = self._s._replace(queue=queue)
+
     def _schedule_line(self, n: int, events: NDArray[np.int64]) -> None:
         serial = self._s.ports[n]
         line = self._s.lines[n, int(serial["head"]) : int(serial["tail"])]
@@ -359,10 +307,6 @@ class S3GTwin:
             lines = np.zeros((layout.PORTS, 2 * room), np.int64)
             lines[:, : old.shape[1]] = old
             self._s = self._s._replace(lines=lines)
-
-    def _grow(self) -> None:
-        self._recorder.grow()
-        self._s = self._s._replace(rows=self._recorder.rows)
 
     def _settle(self) -> None:
         """Bring channels and serial outputs to the present cycle; they run only when looked at."""

@@ -22,13 +22,13 @@ level of cycles, this is how the twin reads it:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pulsewright.boards.board import resolve_switches
+from pulsewright.boards.twinning import EppTwin
 from pulsewright.boards.usc import twin_kernel as kernel
 from pulsewright.boards.usc.registers import (
     CLOCK_HZ,
@@ -38,13 +38,10 @@ from pulsewright.boards.usc.registers import (
     W_SETUP_RESET,
     W_WIDTH_RESET,
 )
-from pulsewright.edges.trace import EdgeTrace
-from pulsewright.errors import BusError, UsageError
-from pulsewright.transport.bus import EPP_ACCESS
+from pulsewright.errors import UsageError
 from pulsewright.twin.clock import NEVER
 from pulsewright.twin.epp import ACCESS_NS
-from pulsewright.twin.inputs import InputPins, merged
-from pulsewright.twin.recorder import Recorder
+from pulsewright.twin.inputs import merged
 
 BUS_INPUTS: Final = ("nwrite", "ndatastr", "naddrstr", "ninit", "data")
 BOARD_INPUTS: Final = (
@@ -66,7 +63,7 @@ def _of_boards(pins: tuple[str, ...], boards: int) -> tuple[str, ...]:
     return tuple(f"b{b}.{pin}" if b else pin for b in range(boards) for pin in pins)
 
 
-class UscTwin:
+class UscTwin(EppTwin):
     """One or more USC boards on an EPP bus.
 
     Parameters
@@ -148,12 +145,15 @@ class UscTwin:
             )
         if nwait_idle not in (0, 1):
             raise UsageError(f"usc twin: nwait_idle = {nwait_idle}; allowed are 0 and 1")
-        self.profile, self.clock_hz, self.access_cycles = profile, clock_hz, access_cycles
-        self.boards = boards
-        self.input_pins = BUS_INPUTS + _of_boards(BOARD_INPUTS, boards)
-        self.output_pins = _of_boards(BOARD_OUTPUTS, boards) + (BUS_OUTPUTS if bus_pins else ())
-        self._inputs = InputPins("usc twin", self.input_pins, {"data": 255})
-        self._recorder = Recorder(self.output_pins, clock_hz, ("nwait",) if nwait_idle else ())
+        super().__init__(
+            "usc",
+            clock_hz,
+            BUS_INPUTS + _of_boards(BOARD_INPUTS, boards),
+            _of_boards(BOARD_OUTPUTS, boards) + (BUS_OUTPUTS if bus_pins else ()),
+            most={"data": 255},
+            high=("nwait",) if nwait_idle else (),
+        )
+        self.profile, self.access_cycles, self.boards = profile, access_cycles, boards
 
         world = np.zeros(1, kernel.WORLD)
         self._bus, self._boards = world["bus"][0], world["boards"][0]
@@ -178,112 +178,12 @@ class UscTwin:
         inputs["accept_at"] = NEVER
         self._s = kernel.State(world[0], np.zeros((0, 3), np.int64), self._recorder.rows)
 
-    # ---------------------------------------------------------------------------------------- time
-
-    @property
-    def now(self) -> int:
-        """Present cycle: its edge is done, an access without a later cycle acts after it."""
-        return max(int(self._bus["done"]), 0)
-
-    def advance(self, cycle: int) -> None:
-        """Run through the edge ``cycle`` without bus access.
-
-        Raises
-        ------
-        UsageError
-            If the cycle is over.
-        """
-        if cycle < self.now:
-            raise UsageError(f"usc twin: advance to cycle {cycle}, but it is already {self.now}")
-        while not kernel.run(self._s, cycle):
-            self._grow()
-
-    def drain(self, copy: bool = True) -> EdgeTrace:
-        """Return all level changes since the last call, up to, not including, cycle `now`.
-
-        Changes at `now` itself come with the next call, for the cycle may not be over.
-
-        Parameters
-        ----------
-        copy : bool
-            False: the arrays of the trace look into the twin's buffers and are valid only until
-            time goes on. For loops that look at every chunk once.
-        """
-        self._settle()
-        return self._recorder.drain(self.now, copy)
-
-    # ----------------------------------------------------------------------------------------- bus
-
-    def transact(self, accesses: NDArray[np.void]) -> None:
-        """Carry out EPP accesses in order.
-
-        Parameters
-        ----------
-        accesses : (n,) EPP_ACCESS
-            An access acts after the edge ``cycle``, but not before the present cycle nor earlier
-            than ``access_cycles`` after the access before it; `ASAP` asks for just that. Filled in:
-            ``cycle`` at which it acted, ``value`` of reads, ``timeout`` = 1 where no board is
-            selected (never for an address write; a read then gives the byte last driven).
-
-        Raises
-        ------
-        BusError
-            If an access has an unknown op; none has been carried out then.
-        """
-        if accesses.dtype != EPP_ACCESS or accesses.ndim != 1:
-            raise BusError(
-                f"usc twin: accesses must be a one-dimensional array of EPP_ACCESS, not "
-                f"{accesses.ndim}-dimensional of {accesses.dtype}"
-            )
-        bad = kernel.unknown_op(np.ascontiguousarray(accesses))
-        if bad < len(accesses):
-            raise BusError(
-                f"usc twin: access {bad} has op {int(accesses['op'][bad])}; allowed are "
-                "ADDRESS_WRITE, DATA_WRITE, DATA_READ and ADDRESS_READ"
-            )
-        block = np.ascontiguousarray(accesses)  # the kernel is compiled for one layout
-        done = 0
-        while (done := kernel.transact(self._s, block, done)) < len(block):
-            self._grow()
-        if block is not accesses:
-            accesses[:] = block
-
-    def reset(self) -> None:
-        """Pulse nINIT: every board goes to its reset state; the present edge is its edge 0."""
-        self.set_ninit(0)
-        self.set_ninit(1)
-
     def set_ninit(self, level: int) -> None:
         """Bring nINIT to a level now; low holds all boards in reset and no board answers."""
         self._settle()
         kernel.set_ninit(self._s, int(bool(level)))
 
     # -------------------------------------------------------------------------------------- inputs
-
-    def schedule(
-        self, cycles: ArrayLike, pins: str | Sequence[str] | ArrayLike, levels: ArrayLike
-    ) -> None:
-        """Let input pins change at later cycles.
-
-        Parameters
-        ----------
-        cycles : (n,) int
-            First edge that samples the new level, after `now` (from 0 on if nothing has run yet).
-            Any order; of several changes of one pin at one cycle the last one counts.
-        pins : (n,) str or int, or one of them for all
-            Names from `input_pins`, or their numbers there.
-        levels : (n,) int, or one for all
-            0 or 1; 0..255 for ``data``.
-
-        Raises
-        ------
-        UsageError
-            If a pin is unknown, a level not possible or a cycle over; nothing is scheduled then.
-        """
-        events = self._inputs.events(cycles, pins, levels, int(self._bus["done"]))
-        events[:, 0] += np.where(events[:, 1] < kernel.BUS_PINS, 0, kernel.SYNCHRONISER)
-        self._s = self._s._replace(queue=merged(self._s.queue[int(self._bus["head"]) :], events))
-        self._bus["head"] = self._bus["next_event"] = 0
 
     def set_din(self, value: int, board: int = 0) -> None:
         """Set all digital inputs of a board now, bit n = input n, past the synchroniser.
@@ -380,9 +280,19 @@ class UscTwin:
 
     # ------------------------------------------------------------------------------------- helpers
 
-    def _grow(self) -> None:
-        self._recorder.grow()
-        self._s = self._s._replace(rows=self._recorder.rows)
+    def _done(self) -> int:
+        return int(self._bus["done"])
+
+    def _run(self, cycle: int) -> bool:
+        return kernel.run(self._s, cycle)
+
+    def _transact(self, accesses: NDArray[np.void], first: int) -> int:
+        return kernel.transact(self._s, accesses, first)
+
+    def _queue(self, events: NDArray[np.int64]) -> None:
+        events[:, 0] += np.where(events[:, 1] < kernel.BUS_PINS, 0, kernel.SYNCHRONISER)
+        self._s = self._s._replace(queue=merged(self._s.queue[int(self._bus["head"]) :], events))
+        self._bus["head"] = self._bus["next_event"] = 0
 
     def _settle(self) -> None:
         """Bring the axes to the present cycle; they run only when looked at."""

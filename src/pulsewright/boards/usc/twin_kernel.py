@@ -786,12 +786,3 @@ def set_ninit(s: State, level: int) -> None:
         leave_reset(s, max(bus.done, 0))
     if bus.bus_pins:
         drive_bus(s, max(bus.done, 0))
-
-
-@kernel
-def unknown_op(accesses: Any) -> int:
-    """Return the number of the first access with an unknown op, or the number of accesses."""
-    for n in range(accesses.size):
-        if accesses[n].op not in (ADDRESS_WRITE, DATA_WRITE, DATA_READ, ADDRESS_READ):
-            return n
-    return int(accesses.size)

@@ -163,14 +163,14 @@ class RtlSpiBoard:
         at = np.unique(np.concatenate([[], *(c for parts in due.values() for c, _ in parts)]))
         rows = np.zeros(len(at), self._simulation.inputs)
         rows["cycle"] = at
-        for port, value in self._levels.items():
-            rows[port] = value
+        for port, level in self._levels.items():
+            rows[port] = level
         for pin, parts in due.items():
             port, bit = self._inputs[pin]
             cycles = np.concatenate([c for c, _ in parts])
             order = np.argsort(cycles, kind="stable")
             before = np.array([self._levels[port] >> bit & 1], np.uint8)
-            levels = np.concatenate([before, np.concatenate([level for _, level in parts])[order]])
+            levels = np.concatenate([before, np.concatenate([part for _, part in parts])[order]])
             value = levels[np.searchsorted(cycles[order], at, "right")].astype(rows[port].dtype)
             one = rows[port].dtype.type(1 << bit)
             rows[port] = (rows[port] & ~one) | value * one

@@ -11,6 +11,7 @@ from amaranth.lib.wiring import Component, In, Member, Out
 from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.gateware_document import DocumentCore
+from pulsewright.boards.rapcores.gateware_original import OriginalCore
 from pulsewright.errors import UsageError
 
 BUS = ("cs", "sck", "copi")
@@ -139,6 +140,14 @@ class Rapcores(Component):
         return m
 
     def _core(self) -> Component:
+        if self._profile != "document":
+            return OriginalCore(
+                motors=self._motors,
+                encoders=self._encoders,
+                position_bits=self._position_bits,
+                v020=self._profile == "v020",
+                fixed=bool(self.switches["fixed"]),
+            )
         return DocumentCore(
             motors=self._motors,
             encoders=self._encoders,

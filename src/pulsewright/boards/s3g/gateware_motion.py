@@ -294,6 +294,22 @@ class ProfileGenerator(Component):
         ]
 
 
+def profile_members(channels: int) -> dict[str, In | Out]:
+    """Return the ports of what makes profiles for so many channels; see `Profiles`."""
+    return {
+        "write": In(1),
+        "address": In(6),
+        "data": In(32),
+        "load": In(1),
+        "select": In(LOAD_BITS * channels),
+        "step": In(1),
+        "aborting": In(1),
+        "done": In(1),
+        "strobe": Out(channels),
+        "up": Out(channels),
+    }
+
+
 class Profiles(Component):
     """Positions of all channels, each with a `ProfileGenerator`.
 
@@ -315,20 +331,7 @@ class Profiles(Component):
 
     def __init__(self, channels: int) -> None:
         self._channels = channels
-        super().__init__(
-            {
-                "write": In(1),
-                "address": In(6),
-                "data": In(32),
-                "load": In(1),
-                "select": In(LOAD_BITS * channels),
-                "step": In(1),
-                "aborting": In(1),
-                "done": In(1),
-                "strobe": Out(channels),
-                "up": Out(channels),
-            }
-        )
+        super().__init__(profile_members(channels))
 
     def elaborate(self, platform: object) -> Module:
         m = Module()

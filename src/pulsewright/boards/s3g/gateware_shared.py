@@ -29,6 +29,7 @@ from pulsewright.boards.s3g.gateware_motion import (
     J,
     Position,
     V,
+    profile_members,
 )
 
 # Values that a load takes, and what selects them.
@@ -132,22 +133,8 @@ class SharedProfiles(Component):
     def __init__(self, channels: int) -> None:
         self._channels = channels
         super().__init__(
-            {
-                "clear": In(1),
-                "clear_address": In(7),
-                "write": In(1),
-                "address": In(6),
-                "data": In(32),
-                "load": In(1),
-                "select": In(LOAD_BITS * channels),
-                "step": In(1),
-                "aborting": In(1),
-                "done": In(1),
-                "ready": Out(1),
-                "free": Out(1),
-                "strobe": Out(channels),
-                "up": Out(channels),
-            }
+            profile_members(channels)
+            | {"clear": In(1), "clear_address": In(7), "ready": Out(1), "free": Out(1)}
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -262,10 +262,11 @@ class RapcoresPlayer:
             left = end - bus.now()
             if left <= 0:
                 return
-            if job.full:
-                bus.sleep(min(left, job.cycles_to_room()) / bus.clock_hz)
+            wait = job.cycles_to_room() if job.full else 0
+            if wait and (wait >= left or not isinstance(bus, VirtualSpiBus)):
+                bus.sleep(min(left, wait) / bus.clock_hz)
                 job.ask()
-            elif not job.send():
+            elif not job.send(wait):  # a twin's time is exact: no need to ask
                 self._starved()
         if end < math.inf:
             bus.sleep(max(end - bus.now(), 0) / bus.clock_hz)
@@ -334,7 +335,6 @@ class _Job:
         Clock cycle of time 0 of the trajectory.
     accumulators : tuple of (motors,) int64
         Steps and fractions after the moves sent.
-    told : Told or None
     finished : bool
         For the player.
     """
@@ -357,8 +357,9 @@ class _Job:
             fraction=fraction,
         )
         self.accumulators = self.converter.position, self.converter.fraction
-        self.told: Told | None = None
         self.finished = False
+        # number of a move, accumulators as it began, and what the board told of that moment
+        self._telemetry: tuple[int, tuple[Ints, Ints], bytes] | None = None
         self._question = b"".join(
             driver.codec.status_read(address) for address in (reg.R_TICKS_LEFT, reg.R_BUFFER_STATE)
         )
@@ -387,6 +388,14 @@ class _Job:
         return self._used >= self._driver.depth
 
     @property
+    def told(self) -> Told | None:
+        """The latest telemetry."""
+        if self._telemetry is None:
+            return None
+        move, accumulators, reply = self._telemetry
+        return Told(move, self._place(accumulators), self._driver.codec.telemetry(reply))
+
+    @property
     def place(self) -> NDArray[np.float64]:
         """Where the motors are after the moves sent [step], shape (motors,)."""
         return self._place(self.accumulators)
@@ -398,11 +407,19 @@ class _Job:
         return min(max(time, 0.0), self.converter.trajectory.duration)
 
     def cycles_to_room(self) -> int:
-        """Return how long the executing move goes on [clock]; at least the time to ask again."""
-        return max(self._ticks_left * self._pace.tick - self._pace.read, self._pace.read)
+        """Return in how much time the executing move is over [clock]; at least that of asking.
 
-    def send(self) -> bool:
+        What is left of it was asked first, so the time that the second answer took is over.
+        """
+        return max((self._ticks_left + 1) * self._pace.tick - self._pace.read, self._pace.read)
+
+    def send(self, wait: int = 0) -> bool:
         """Send the next move; return whether it came before the one ahead of it was over.
+
+        Parameters
+        ----------
+        wait : int
+            So long from now, on links to twins [clock].
 
         Raises
         ------
@@ -410,13 +427,12 @@ class _Job:
             If the board was halted.
         """
         frame, duration, *accumulators = self._waiting.popleft()
-        words = self._driver.codec.to_words(self._bus.transfer(frame + self._question))
-        told = words[: -len(self._question) // self._driver.codec.word_bytes]
+        reply = self._bus.transfer(frame + self._question, self._bus.now() + wait)
         self._open.append((duration, self.accumulators))
         self.accumulators = accumulators[0], accumulators[1]
         self._sent += 1
-        self._note(words[-3], words[-1])
-        self._tell(told)
+        self._note(reply)
+        self._take(reply[: len(frame)])
         # Two moves now: the one ahead is not over. The last one, of a tick, may come at any time.
         return self._used > 1 or not self._waiting
 
@@ -425,8 +441,7 @@ class _Job:
         if self._bus.level("buffer_dtr"):
             self._used = self._driver.depth - 1
         else:
-            words = self._driver.codec.to_words(self._bus.transfer(self._question))
-            self._note(words[1], words[3])
+            self._note(self._bus.transfer(self._question))
 
     def rest(self) -> None:
         """Wait until all moves sent are made; check that the board is where the model is.
@@ -475,23 +490,23 @@ class _Job:
         columns = (moves.duration.tolist(), moves.position, moves.fraction)
         self._waiting.extend(zip(frames, *columns, strict=True))
 
-    def _note(self, ticks_left: int, state: int) -> None:
-        """Take in what the board says of its buffer."""
-        self._ticks_left = ticks_left
+    def _note(self, reply: bytes) -> None:
+        """Take in what the board answers to the question at the end of a frame."""
+        size = self._driver.codec.word_bytes
+        state = int.from_bytes(reply[-size:], "little")
+        self._ticks_left = int.from_bytes(reply[-3 * size : -2 * size], "little")
         self._used = state & reg.R_BUFFER_STATE_USED_MASK
         if state & HALT:
             self._driver.check_running()
 
-    def _tell(self, words: list[int]) -> None:
-        """Take in the telemetry that came with a move, if it is known of which move it is."""
+    def _take(self, reply: bytes) -> None:
+        """Keep the telemetry that came with a move, if it is known of which move it is."""
         if not 0 < self._used <= len(self._open):
             return
         duration, accumulators = self._open[-self._used]
         since = (duration - self._ticks_left) * self._pace.tick
-        between = 2 * self._pace.read  # the questions
-        if since > self._pace.message and self._ticks_left * self._pace.tick > between:
-            telemetry = self._driver.codec.telemetry(self._driver.codec.to_bytes(words))
-            self.told = Told(self._sent - self._used, self._place(accumulators), telemetry)
+        if since > self._pace.message and self._ticks_left * self._pace.tick > self._pace.read * 2:
+            self._telemetry = self._sent - self._used, accumulators, reply
 
     def _place(self, accumulators: tuple[Ints, Ints]) -> NDArray[np.float64]:
         position, fraction = accumulators

@@ -29,6 +29,7 @@ _LABELS: Final = {
     "update_rate": "updates of the board [1/s]",
     "real_time_ratio": "machine time / CPU time",
     "messages": "messages of the program",
+    "not_switched": "not switched, for want of outputs",
     "cpu_seconds": "CPU time [s]",
     "certificate": "certificate of the plan",
 }

@@ -204,7 +204,8 @@ class Job:
                 start_cycle=player.start_cycle,
                 tolerances=Tolerances(settle=2 * player.update),
             )
-            outputs = _Outputs(driver, machine, self.program, self.trajectory)
+            switched = driver if room.digital_outputs else None
+            outputs = _Outputs(switched, machine, self.program, self.trajectory)
             prepared = recorder.drain()
             verifier.feed(prepared)
             with _folder(out) as folder, _trace_file(folder, prepared) as keep:
@@ -221,7 +222,15 @@ class Job:
                     progress("run", min(until / max(self.duration, 1e-9), 1.0))
                 with self.clock.stage("verify"):
                     verdict = verifier.finish()
-        result = Result(self, room.name, driver.profile, verdict, 1 / player.update, folder)
+        result = Result(
+            self,
+            room.name,
+            driver.profile,
+            verdict,
+            1 / player.update,
+            folder,
+            outputs.not_switched,
+        )
         if folder is not None:
             with self.clock.stage("write"):
                 progress("report", 0.0)
@@ -271,6 +280,8 @@ class Result:
         How often the board got new commands [Hz].
     folder : Path or None
         Where the reports are.
+    not_switched : tuple of str
+        What the program switches and the machine wires, but the board has no outputs for.
     """
 
     job: Job
@@ -279,6 +290,7 @@ class Result:
     verdict: Verdict
     update_rate: float
     folder: Path | None
+    not_switched: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -310,6 +322,7 @@ class Result:
             "profile": self.profile,
             "update_rate": self.update_rate,
             "real_time_ratio": self.real_time_ratio,
+            "not_switched": list(self.not_switched),
         }
 
     def summary(self) -> dict[str, Any]:
@@ -334,6 +347,11 @@ class Result:
                 f"  {'ok  ' if check.passed else 'FAIL'} {check.title}{where}: "
                 f"{worst} {sign} {check.bound:.4g} {check.unit}{place}"
             )
+        if self.not_switched:
+            lines.append(
+                f"  note {self.board} has no digital outputs: the program's "
+                f"{', '.join(self.not_switched)} was not switched"
+            )
         lines.append("PASSED" if self.passed else "FAILED")
         if self.folder:
             lines.append(f"report: {self.folder / 'report.html'}")
@@ -342,7 +360,10 @@ class Result:
 
 
 class _Outputs:
-    """Spindle and coolant on the board's digital outputs, switched while the machine rests."""
+    """Spindle and coolant on the board's digital outputs, switched while the machine rests.
+
+    Without a driver nothing is switched; `not_switched` says what should be.
+    """
 
     def __init__(
         self, driver: Any, machine: Machine, program: Program, trajectory: Trajectory
@@ -351,7 +372,10 @@ class _Outputs:
         wired = machine.outputs.model_dump(exclude_none=True)
         self._driver = driver
         self._wired = wired
-        self._waiting = [(float(begin[e.at]), e) for e in program.events if e.kind in wired]
+        waiting = [(float(begin[e.at]), e) for e in program.events if e.kind in wired]
+        self._waiting = [] if driver is None else waiting
+        kinds = {event.kind for _, event in waiting}
+        self.not_switched = tuple(sorted(kinds)) if driver is None else ()
         self.times = [when for when, _ in self._waiting]
 
     def switch(self, until: float) -> None:

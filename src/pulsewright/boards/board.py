@@ -61,6 +61,8 @@ class Board:
         Names of step and direction pins, with ``{}`` for the number of the motor.
     bus : str
         What driver and twin meet at: ``epp``, ``serial`` or ``spi``.
+    digital_outputs : bool
+        Whether it has outputs that a driver can switch, by ``write_output(number, level)``.
     parameters : frozenset of str
         What a board can be made with besides profile switches: options of ``twin``, ``rtl`` and
         ``driver``.
@@ -89,6 +91,7 @@ class Board:
     bus: Literal["epp", "serial", "spi"] = "epp"
     parameters: frozenset[str] = frozenset()
     parameters_for: Callable[[int], dict[str, int]] = lambda motors: {}
+    digital_outputs: bool = True
     sizes: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     recordings: Callable[[], tuple[Load, Replay]] | None = None
 

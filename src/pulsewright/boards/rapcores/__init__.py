@@ -79,6 +79,7 @@ BOARD: Final = Board(
     player=_player,
     positive_direction=0,
     bus="spi",
+    digital_outputs=False,
     parameters=PARAMETERS,
     parameters_for=_parameters_for,
     recordings=_recordings,

@@ -504,8 +504,10 @@ class _Job:
         if not 0 < self._used <= len(self._open):
             return
         duration, accumulators = self._open[-self._used]
-        since = (duration - self._ticks_left) * self._pace.tick
-        if since > self._pace.message and self._ticks_left * self._pace.tick > self._pace.read * 2:
+        pace = self._pace
+        # it began before the header of this move, and was not over between the two answers
+        since, left = (duration - self._ticks_left) * pace.tick, self._ticks_left * pace.tick
+        if since > pace.message - 2 * pace.read and left > 2 * pace.read:
             self._telemetry = self._sent - self._used, accumulators, reply
 
     def _place(self, accumulators: tuple[Ints, Ints]) -> NDArray[np.float64]:

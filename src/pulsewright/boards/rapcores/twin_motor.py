@@ -23,6 +23,7 @@ from pulsewright.twin.recorder import NEARLY_FULL, RESERVE, Rows, toggle
 
 FRACTION: Final = (1 << 63) - 1  # mask
 WHOLE: Final = float(1 << 63)  # one step
+FOREVER: Final = 1 << 40  # ticks: more than a move has
 NEAR: Final = 32  # ticks: fewer are not worth skipping
 MARGIN: Final = 1.0 - 2.0**-20  # of the bound, far more than its rounding where a root is near 0
 
@@ -65,6 +66,8 @@ def far(distance: float, speed: float, change: float) -> int:
     change : float
         What ``speed`` grows by in every tick.
     """
+    if speed == 0.0 and change == 0.0:
+        return FOREVER
     if change < 0.0:
         # up to the turn it moves ahead, or to the step ahead if that comes first
         speed -= 0.5 * change  # so that ticks * speed + ticks^2 / 2 * change is the exact sum
@@ -72,8 +75,8 @@ def far(distance: float, speed: float, change: float) -> int:
         ticks = speed / -change if square < 0.0 else 2.0 * distance / (speed + math.sqrt(square))
     else:
         root = speed + math.sqrt(speed * speed + 2.0 * change * distance)
-        ticks = 2.0 * distance / root if root > 0.0 else 1e18
-    return int(min(ticks, 1e18) * MARGIN) - 2
+        ticks = 2.0 * distance / root if root > 0.0 else 0.0
+    return int(min(ticks, float(FOREVER)) * MARGIN) - 2
 
 
 @hot

@@ -560,6 +560,19 @@ def test_a_halt_ends_a_stream():
     assert board.halt_seen
 
 
+def test_a_halt_just_before_a_move_is_noticed():
+    class Halting(Board):
+        def answers(self, words):
+            self.halt_pin |= 0x01 in [word >> 56 for word in words]
+            return super().answers(words)
+
+    driver = RapcoresDriver(Halting())
+    driver.initialise()
+    driver.release_estop()
+    with pytest.raises(EstopError, match="dropped its moves"):
+        driver.stream(*moves(1))
+
+
 def test_moves_that_are_too_fast_are_not_sent():
     board, driver = ready()
     driver.set_tick_rate(100_000)

@@ -106,7 +106,7 @@ class Reference:
         """Return the integer part of an accumulator."""
         return self.motors[i].acc >> self.F
 
-    # --------------------------------------------------------------------------------------- a clock
+    # -------------------------------------------------------------------------------------- a clock
 
     def clock(self, pins):
         """Do the edge at the end of a cycle in which the input pins have the levels ``pins``."""

@@ -95,7 +95,7 @@ def check(reference, twin, events, end, cuts=()):
         assert seen == edges[pin], pin
     # the reference has done edge ``end``, the twin one more, which nothing comes at
     reference.clock(
-        {pin: 1 for pin in ("rst_n", "cs", "halt")}
+        dict.fromkeys(("rst_n", "cs", "halt"), 1)
         | dict.fromkeys(("sck", "copi"), 0)
         | {f"enc{e}_a": reference.encoders[e].a[0] for e in range(reference.E)}
         | {f"enc{e}_b": reference.encoders[e].b[0] for e in range(reference.E)}
@@ -201,7 +201,7 @@ def test_random_hosts(seed):
     check(Reference(bits=bits, **options), twin, stimulus.events, end, cuts)
 
 
-# ------------------------------------------------------------------------------- skipping, at length
+# ----------------------------------------------------------------------------- skipping, at length
 
 UNIT = 1 << 63
 DIVIDER = 9
@@ -209,9 +209,9 @@ DIVIDER = 9
 
 def steps_of(moves):
     """Integrate moves of one motor tick by tick; return (tick, +1 or -1) of steps, and the rest."""
-    acc, tick, steps = 0, 0, []
-    increment = 0
-    for duration, increment, change in moves:
+    acc, tick, steps, increment = 0, 0, [], 0
+    for duration, begin, change in moves:
+        increment = begin
         for _ in range(duration):
             before = acc >> 63
             acc += increment
@@ -319,7 +319,7 @@ def test_frames_do_the_same_word_by_word_and_bit_by_bit(profile):
     """Replies, all other pins and state, with reads, moves, odd frames and a halt."""
     rng = random.Random(profile)
     quick, slow = (RapcoresTwin(profile, motors=2, bus_pins=pins) for pins in (False, True))
-    quick_free = free = 300
+    free = 300
     header = {"document": (0, 1, 0xF1, 0xF2, 0xF3, 0x77), "upstream": (0, 1, 0xF1, 0xF2)}
     for round_ in range(60):
         kind = rng.choice(header.get(profile, (0, 1, 3, 0x0A, 0x20, 0x50, 0x51, 0xFD, 0xFE, 9)))

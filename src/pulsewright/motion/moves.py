@@ -61,6 +61,13 @@ class Moves:
     tolerance : (n,) float64
         How far the path may pass from the programmed corner at the end of this move [mm];
         0 = the machine comes to rest there.
+    collapse : (n,) float64
+        How far a straight line may pass from the ends of the straight feeds that it replaces [mm]
+        (G64 Q, the naive CAM tolerance); 0 = none are replaced. All 0 where not given.
+    pitch : (n,) float64
+        Travel along the move per turn of the spindle [mm], for moves that keep to its angle (G33,
+        G33.1, G76); 0 = not synchronised. ``feed`` is then right at the programmed spindle speed.
+        All 0 where not given.
     """
 
     start: NDArray[np.float64]
@@ -74,6 +81,13 @@ class Moves:
     feed: NDArray[np.float64]
     dwell: NDArray[np.float64]
     tolerance: NDArray[np.float64]
+    collapse: NDArray[np.float64] = None  # type: ignore[assignment]  # set below
+    pitch: NDArray[np.float64] = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        for name in ("collapse", "pitch"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.zeros(len(self.kind)))
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -87,11 +101,12 @@ class Moves:
 class Event:
     """Something that happens between moves: before move ``at``.
 
-    The machine is at rest there, except for ``message``, ``mist``, ``flood`` and another speed of a
-    turning spindle, which do not interrupt the motion.
+    The machine is at rest there, except for ``message``, ``mist``, ``flood``, ``output`` that goes with
+    the motion (M62, M63, M67) and another speed of a turning spindle, which do not interrupt it.
 
-    ``kind`` is one of ``spindle`` (value: signed rev/min, 0 off), ``tool`` (number), ``mist``,
-    ``flood`` (0 or 1), ``pause`` (M0, M1), ``message`` (text), ``end`` (M2, M30).
+    ``kind`` is one of ``spindle`` (value: signed rev/min, 0 off), ``orient`` (degrees), ``tool``
+    (number), ``mist``, ``flood`` (0 or 1), ``output`` (value; text: what is set), ``input`` (text:
+    what is waited for), ``pause`` (M0, M1, M60), ``message`` (text), ``end`` (M2, M30).
     """
 
     at: int

@@ -11,6 +11,7 @@ from pulsewright.errors import UsageError
 
 if TYPE_CHECKING:
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
+    from pulsewright.boards.rapcores.driver import RapcoresDriver
     from pulsewright.boards.s3g.driver import S3GDriver
     from pulsewright.boards.usc.driver import UscDriver
     from pulsewright.transport.bus import EppBus
@@ -45,6 +46,10 @@ def get(name: str) -> Board:
 def open_board(
     name: Literal["pluto_step"], link: str = ..., profile: str | None = ..., **options: int
 ) -> PlutoStepDriver: ...
+@overload
+def open_board(
+    name: Literal["rapcores"], link: str = ..., profile: str | None = ..., **options: int
+) -> RapcoresDriver: ...
 @overload
 def open_board(
     name: Literal["s3g"], link: str = ..., profile: str | None = ..., **options: int

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 from pulsewright.boards.board import Board
 from pulsewright.boards.rapcores.registers import (
-    CLOCK_HZ,
     DEFAULT_PROFILE,
     MAX_MOTORS,
     MOTORS,
@@ -15,6 +13,13 @@ from pulsewright.boards.rapcores.registers import (
 )
 
 if TYPE_CHECKING:
+    from pulsewright.boards.board import Load, Replay
+    from pulsewright.boards.rapcores.driver import RapcoresDriver
+    from pulsewright.boards.rapcores.gateware import Rapcores
+    from pulsewright.boards.rapcores.player import RapcoresPlayer
+    from pulsewright.boards.rapcores.twin import RapcoresTwin
+    from pulsewright.boards.rtl_spi import RtlSpiBoard
+    from pulsewright.motion.trajectory import Trajectory
     from pulsewright.registers.model import RegisterMap
     from pulsewright.transport.spi_bus import SpiBus
 
@@ -23,45 +28,52 @@ PARAMETERS: Final = frozenset(
 )
 
 
-def _part(module: str, name: str) -> Any:
-    """Return what a module of the room, or beside it, offers under a name."""
-    return getattr(import_module(f"pulsewright.boards.{module}"), name)
-
-
 def _registers() -> RegisterMap:
     from pulsewright.boards.rapcores.registers import MAP
 
     return MAP
 
 
-def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> Any:
-    return _part("rapcores.twin", "RapcoresTwin")(profile, **options)
+def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> RapcoresTwin:
+    from pulsewright.boards.rapcores.twin import RapcoresTwin
+
+    return RapcoresTwin(profile, **options)
 
 
-def _rtl(profile: str = DEFAULT_PROFILE, **options: int) -> Any:
-    board = _part("rapcores.gateware", "Rapcores")(profile, **options)
-    return _part("rtl_spi", "RtlSpiBoard")(board, clock_hz=CLOCK_HZ)
+def _rtl(profile: str = DEFAULT_PROFILE, **options: Any) -> RtlSpiBoard:
+    from pulsewright.boards.rapcores.gateware import Rapcores
+    from pulsewright.boards.rapcores.registers import CLOCK_HZ
+    from pulsewright.boards.rtl_spi import RtlSpiBoard
+
+    return RtlSpiBoard(Rapcores(profile, **options), clock_hz=CLOCK_HZ)
 
 
-def _gateware(profile: str = DEFAULT_PROFILE, axes: int | None = None, **options: int) -> Any:
-    of_the_build = {"motors": MOTORS if axes is None else axes} | options
-    return _part("rapcores.gateware", "Rapcores")(profile, **of_the_build)
+def _gateware(profile: str = DEFAULT_PROFILE, axes: int | None = None, **options: Any) -> Rapcores:
+    from pulsewright.boards.rapcores.gateware import Rapcores
+
+    return Rapcores(profile, **({"motors": MOTORS if axes is None else axes} | options))
 
 
-def _driver(bus: SpiBus, profile: str = DEFAULT_PROFILE, **options: int) -> Any:
-    return _part("rapcores.driver", "RapcoresDriver")(bus, profile=profile, **options)
+def _driver(bus: SpiBus, profile: str = DEFAULT_PROFILE, **options: int) -> RapcoresDriver:
+    from pulsewright.boards.rapcores.driver import RapcoresDriver
+
+    return RapcoresDriver(bus, profile=profile, **options)
 
 
-def _player(driver: Any, trajectory: Any, **limits: Any) -> Any:
-    return _part("rapcores.player", "RapcoresPlayer")(driver, trajectory, **limits)
+def _player(driver: RapcoresDriver, trajectory: Trajectory, **limits: Any) -> RapcoresPlayer:
+    from pulsewright.boards.rapcores.player import RapcoresPlayer
+
+    return RapcoresPlayer(driver, trajectory, **limits)
 
 
 def _parameters_for(motors: int) -> dict[str, int]:
     return {"motors": min(max(motors, MOTORS), MAX_MOTORS)}
 
 
-def _recordings() -> tuple[Any, Any]:
-    return _part("rapcores.golden", "load"), _part("rapcores.golden", "replay")
+def _recordings() -> tuple[Load, Replay]:
+    from pulsewright.boards.rapcores.golden import load, replay
+
+    return load, replay
 
 
 BOARD: Final = Board(

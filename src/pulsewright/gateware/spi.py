@@ -34,12 +34,10 @@ class SpiWordPort(Component):
         With ``strobe``.
     strobe : Out(1)
         A word is complete: cycle f + 4.
-    soon : Out(1)
-        ``strobe`` comes in two cycles.
-    received : Out(8)
-        From f + 1 to f + 4 at least, and with ``soon``, the highest byte of the word.
+    byte_strobe : Out(1), received : Out(8)
+        ``received`` is byte ``byte`` of a word; for the last one a cycle before ``strobe``.
     byte : Out(range(word_bits // 8))
-        Byte of the reply to show now.
+        Also, the byte of the reply to show now.
     reply : In(8)
         That byte; it is 0 in the next word unless something else is put there by f + 5.
     ended : Out(1)
@@ -61,7 +59,7 @@ class SpiWordPort(Component):
                 "cipo_oe": Out(1),
                 "word": Out(word_bits),
                 "strobe": Out(1),
-                "soon": Out(1),
+                "byte_strobe": Out(1),
                 "received": Out(8),
                 "byte": Out(range(self._bytes)),
                 "reply": In(8),
@@ -92,10 +90,10 @@ class SpiWordPort(Component):
             m.d.sync += self.received.eq(Cat(copi, self.received))
         m.d.sync += [whole_before.eq(whole), last_before.eq(last)]
         m.d.comb += [
-            self.soon.eq(fall & (bit == 0) & (self.byte == self._bytes - 1)),
+            self.byte_strobe.eq(whole & ~whole_before),
             self.strobe.eq(last & ~last_before),
         ]
-        with m.If(whole & ~whole_before):
+        with m.If(self.byte_strobe):
             m.d.sync += [
                 self.byte.eq(Mux(self.byte == self._bytes - 1, 0, self.byte + 1)),
                 self.word.eq(Cat(self.word[8:], self.received)),

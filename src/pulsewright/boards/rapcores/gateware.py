@@ -5,6 +5,8 @@ Everything takes its new value from old ones, at one clock edge.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from amaranth import ClockDomain, ClockSignal, DomainRenamer, Module, Signal
 from amaranth.lib.wiring import Component, In, Member, Out
 
@@ -41,6 +43,10 @@ class Rapcores(Component):
         1: HALT is there. 0: the pin does nothing.
     position_bits : int
         Of encoder positions, 32, or 24 in profile ``v020``.
+    dda : str
+        ``parallel``: each motor has arithmetic of its own. ``shared``, in profile ``document``: one
+        adder for all, at a fraction of the logic. Every clock is the same for dividers of
+        `min_divider` and more; with smaller ones a tick waits until it is worked out.
     **switches : int
         Profile switches that differ from the profile.
 
@@ -77,6 +83,7 @@ class Rapcores(Component):
         depth: int = reg.DEPTH,
         halt_pin: int = 1,
         position_bits: int = reg.POSITION_BITS,
+        dda: str = "parallel",
         **switches: int,
     ) -> None:
         self.switches = resolve_switches(reg.MAP, profile, switches)
@@ -92,7 +99,8 @@ class Rapcores(Component):
         _check("position_bits", position_bits, allowed)
         if self.switches["v020_info"]:  # its replies have 64 bits
             _check("word_bits, with v020_info,", word_bits, (reg.WORD_BITS,))
-        self._profile, self._position_bits = profile, position_bits
+        _check("dda", dda, ("parallel", "shared") if document else ("parallel",))
+        self._profile, self._position_bits, self._dda = profile, position_bits, dda
         self._motors, self._encoders = motors, encoders
         self._word_bits, self._depth, self._halt_pin = word_bits, depth, bool(halt_pin)
         ports: dict[str, Member] = {name: In(1) for name in ("rst_n", *BUS, "halt")}
@@ -133,6 +141,8 @@ class Rapcores(Component):
         m.d.comb += [domain.clk.eq(ClockSignal()), domain.rst.eq(~ready)]
         core = self._core()
         m.submodules.core = DomainRenamer("board")(core)
+        if self._profile == "document":
+            m.d.comb += [core.clear.eq(~ready), core.clear_address.eq(count)]
         m.d.comb += [
             getattr(core, name).eq(getattr(self, name)) for name in INPUTS if hasattr(self, name)
         ]
@@ -156,10 +166,11 @@ class Rapcores(Component):
             halt_pin=self._halt_pin,
             cs_reset_message=bool(self.switches["cs_reset_message"]),
             v020_info=bool(self.switches["v020_info"]),
+            shared=self._dda == "shared",
         )
 
 
-def _check(name: str, value: int, allowed: range | tuple[int, ...] | list[int]) -> None:
+def _check(name: str, value: object, allowed: range | Sequence[object]) -> None:
     if value not in allowed:
         shown = (
             f"{allowed[0]}..{allowed[-1]}"

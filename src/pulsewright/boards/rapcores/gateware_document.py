@@ -10,12 +10,14 @@ from typing import Final
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.cdc import FFSynchronizer
+from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.gateware_encoder import Encoder
 from pulsewright.boards.rapcores.gateware_motion import Dda, Sequencer, TickDivider
 from pulsewright.boards.rapcores.gateware_pulse import PulseFormer
+from pulsewright.boards.rapcores.gateware_shared import SharedDda
 from pulsewright.gateware.spi import SpiWordPort
 
 COUNT_BITS: Final = 32
@@ -51,9 +53,13 @@ class DocumentCore(Component):
     ----------
     motors, encoders, word_bits, depth, times : see `Rapcores`
     halt_pin, cs_reset_message, v020_info : bool
+    shared : bool
+        One adder for all DDAs.
 
     Members
     -------
+    clear : In(1), clear_address : In(8)
+        Clear memories while the rest is in reset.
     cs, sck, copi, halt : In(1), enc_a, enc_b : In(encoders)
         Pins, asynchronous.
     cipo, cipo_oe, buffer_dtr, move_done : Out(1), step, dir, en : Out(motors)
@@ -69,13 +75,16 @@ class DocumentCore(Component):
         halt_pin: bool,
         cs_reset_message: bool,
         v020_info: bool,
+        shared: bool,
     ) -> None:
         self._motors, self._encoders = motors, encoders
         self._word_bits, self._depth = word_bits, depth
         self._halt_pin, self._cs_reset_message = halt_pin, cs_reset_message
-        self._v020_info = v020_info
+        self._v020_info, self._shared = v020_info, shared
         super().__init__(
             {
+                "clear": In(1),
+                "clear_address": In(8),
                 "cs": In(1),
                 "sck": In(1),
                 "copi": In(1),
@@ -102,9 +111,13 @@ class DocumentCore(Component):
         self._events = {name: Signal(name=name) for name in COUNTERS}
         m.submodules.spi = self._spi = SpiWordPort(word_bits=self._word_bits, drop_partial=True)
         m.submodules.sequencer = self._sequencer = Sequencer(depth=self._depth)
-        m.submodules.dda = self._dda = Dda(
-            motors=self._motors, depth=self._depth, word_bits=self._word_bits
-        )
+        self._position = [Signal(32, name=f"position{n}") for n in range(self._motors)]
+        self._excess = [Signal(9, name=f"excess{n}") for n in range(self._motors)]
+        self._number = Signal(range(2 * self._motors + 2))  # of the word to come in a move
+        self._moving = Signal()  # it is one of a move that is accepted
+        self._left = Signal(32)  # ticks of the executing move
+        self._ready = Signal()  # for the next tick
+        (self._shared_motion if self._shared else self._motion)(m)
         self._configuration(m)
         self._encoder_blocks(m)
         self._halting(m)
@@ -141,7 +154,92 @@ class DocumentCore(Component):
         self._dir_polarity = register(reg.W_DIR_POLARITY, motors)
         m.d.comb += self.en.eq(enable)
         m.submodules.ticks = ticks = TickDivider()
-        m.d.comb += [ticks.divider.eq(divider), self._sequencer.tick.eq(ticks.tick)]
+        m.d.comb += [
+            ticks.divider.eq(divider),
+            ticks.ready.eq(self._ready | ~self._sequencer.run),
+            self._sequencer.tick.eq(ticks.tick),
+        ]
+
+    def _motion(self, m: Module) -> None:
+        """Add DDAs, each with registers of its own, and the countdown of ticks."""
+        spi, sequencer, number = self._spi, self._sequencer, self._number
+        m.submodules.dda = dda = Dda(
+            motors=self._motors, depth=self._depth, word_bits=self._word_bits
+        )
+        load_slot = Signal.like(sequencer.slot)
+        duration = [Signal(32, name=f"duration{n}") for n in range(self._depth)]
+        m.d.comb += [
+            load_slot.eq(sequencer.slot + sequencer.run),
+            dda.write.eq(spi.strobe & self._moving & (number[1:] != 0)),
+            dda.write_slot.eq(sequencer.write_slot),
+            dda.motor.eq(number[1:] - 1),
+            dda.second.eq(number[0]),
+            dda.word.eq(spi.word),
+            dda.load.eq(sequencer.load),
+            dda.load_slot.eq(load_slot),
+            dda.integrate.eq(sequencer.integrate),
+            dda.halted.eq(self._halted),
+            sequencer.empty.eq(self._left == 0),
+            sequencer.last.eq(self._left == 1),
+            self._ready.eq(1),
+        ]
+        for n in range(self._motors):
+            m.d.comb += [self._position[n].eq(dda.position[n]), dda.excess[n].eq(self._excess[n])]
+        with m.If(sequencer.integrate):
+            m.d.sync += self._left.eq(self._left - 1)
+        for n, value in enumerate(duration):
+            with m.If(spi.strobe & self._moving & (number == 1) & (sequencer.write_slot == n)):
+                m.d.sync += value.eq(spi.word)
+            with m.If(sequencer.load & (load_slot == n)):
+                m.d.sync += self._left.eq(value)
+
+    def _shared_motion(self, m: Module) -> None:
+        """Add the DDA of all motors, and their step positions."""
+        spi, sequencer, number = self._spi, self._sequencer, self._number
+        m.submodules.dda = dda = SharedDda(
+            motors=self._motors, depth=self._depth, word_bits=self._word_bits
+        )
+        restart = (
+            sequencer.finish
+            | self._halted
+            | (~sequencer.run & spi.strobe & self._moving & ~(number[0] & number[1:].any()))
+        )
+        m.d.comb += [
+            dda.clear.eq(self.clear),
+            dda.clear_address.eq(self.clear_address),
+            dda.write.eq(spi.byte_strobe & self._moving),
+            dda.write_slot.eq(sequencer.write_slot),
+            dda.number.eq(number),
+            dda.index.eq(spi.byte),
+            dda.byte.eq(spi.received),
+            dda.slot.eq(sequencer.slot),
+            dda.integrate.eq(sequencer.integrate),
+            dda.restart.eq(restart),
+            self._ready.eq(dda.ready),
+            self._left.eq(dda.left),
+            sequencer.last.eq(dda.last),
+        ]
+        first = Signal(init=1)
+        m.d.comb += dda.first.eq(first)
+        with m.If(sequencer.integrate):
+            m.d.sync += first.eq(0)
+        with m.If(sequencer.finish | self._halted):
+            m.d.sync += first.eq(1)
+        # Whether a move has no ticks has to be known as it starts.
+        m.submodules.empty = memory = Memory(shape=1, depth=self._depth, init=[])
+        written, read = memory.write_port(), memory.read_port(domain="comb")
+        m.d.comb += [
+            written.addr.eq(sequencer.write_slot),
+            written.data.eq(spi.word[:32] == 0),
+            written.en.eq(spi.strobe & self._moving & (number == 1)),
+            read.addr.eq(sequencer.slot),
+            sequencer.empty.eq(read.data),
+        ]
+        for n, position in enumerate(self._position):
+            with m.If(self._halted):
+                m.d.sync += position.eq(position - self._excess[n].as_signed())
+            with m.Elif(sequencer.integrate & dda.moved[n]):
+                m.d.sync += position.eq(position + Mux(dda.down[n], -1, 1))
 
     def _encoder_blocks(self, m: Module) -> None:
         """Add encoders, and telemetry: their state at the start of the executing move."""
@@ -188,15 +286,13 @@ class DocumentCore(Component):
         times = {name: Signal(16, name=f"{name}_less_1") for name in TIMES}
         for name, value in self._times.items():
             m.d.comb += times[name].eq(Mux(value == 0, 0, value - 1))
-        dda = self._dda
-        m.d.comb += dda.halted.eq(self._halted)
         for n in range(self._motors):
             m.submodules[f"pulse{n}"] = former = PulseFormer()
             m.d.comb += [
-                former.position.eq(dda.position[n]),
+                former.position.eq(self._position[n]),
                 former.halted.eq(self._halted),
                 *(getattr(former, name).eq(value) for name, value in times.items()),
-                dda.excess[n].eq(former.excess),
+                self._excess[n].eq(former.excess),
                 self.step[n].eq(former.step ^ self._step_polarity[n]),
                 self.dir[n].eq(former.dir ^ self._dir_polarity[n]),
                 self._pending[n].eq(former.pending),
@@ -215,13 +311,12 @@ class DocumentCore(Component):
 
     def _messages(self, m: Module) -> None:
         """Add what acts on words and replies."""
-        spi, sequencer, dda = self._spi, self._sequencer, self._dda
+        spi, sequencer = self._spi, self._sequencer
         last_word = 2 * self._motors + 1
-        message, number = Signal(Message), Signal(range(last_word + 1))
+        message, number = Signal(Message), self._number
         header, address = spi.word[-8:], spi.word[:8]
         reply = Signal(self._word_bits)
         snapshot = Signal(32 * max(len(self._telemetry), 1))
-        duration = [Signal(32, name=f"duration{n}") for n in range(self._depth)]
         m.d.comb += [
             *(getattr(spi, name).eq(getattr(self, name)) for name in ("cs", "sck", "copi")),
             *(getattr(self, name).eq(getattr(spi, name)) for name in ("cipo", "cipo_oe")),
@@ -229,18 +324,8 @@ class DocumentCore(Component):
             self._write.eq(spi.strobe & (message == Message.SWAP)),
             self._events["completed"].eq(sequencer.finish),
             self._events["framing"].eq(spi.ended & spi.partial),
-            dda.write_slot.eq(sequencer.write_slot),
-            dda.word.eq(spi.word),
-            dda.motor.eq((number >> 1) - 1),
-            dda.second.eq(number[0]),
-            dda.load.eq(sequencer.load),
-            dda.load_slot.eq(sequencer.load_slot),
-            dda.integrate.eq(sequencer.integrate),
+            self._moving.eq((message == Message.MOVE) & self._accept),
         ]
-        with m.Switch(sequencer.load_slot):
-            for n, value in enumerate(duration):
-                with m.Case(n):
-                    m.d.comb += sequencer.duration.eq(value)
 
         with m.If(spi.strobe):
             m.d.sync += reply.eq(0)
@@ -250,12 +335,6 @@ class DocumentCore(Component):
                     self._header(m, message, header, address, reply, snapshot)
                 with m.Case(Message.MOVE):
                     m.d.sync += [number.eq(number + 1), snapshot.eq(snapshot >> 32)]
-                    with m.If(self._accept):
-                        m.d.comb += dda.write.eq(number[1:] != 0)
-                        with m.If(number == 1), m.Switch(sequencer.write_slot):
-                            for n, value in enumerate(duration):
-                                with m.Case(n):
-                                    m.d.sync += value.eq(spi.word)
                     with m.If(number == last_word):
                         m.d.sync += message.eq(Message.IDLE)
                         m.d.comb += [
@@ -323,7 +402,7 @@ class DocumentCore(Component):
 
     def _status(self) -> dict[int, Value]:
         """Return status registers by address; signed ones as signed values."""
-        sequencer, dda = self._sequencer, self._dda
+        sequencer = self._sequencer
         faults = self._encoder_fault
         found: dict[int, Value] = {
             reg.R_VERSION: Const(reg.VERSION, 32),
@@ -339,7 +418,7 @@ class DocumentCore(Component):
                 self._halted,
                 self._halt_seen,
             ),
-            reg.R_TICKS_LEFT: Mux(sequencer.run, sequencer.left, 0),
+            reg.R_TICKS_LEFT: Mux(sequencer.run, self._left, 0),
             reg.R_STEP_LOST: self._lost,
             reg.R_PULSES_PENDING: self._pending,
             reg.R_BUILD_PARAMETERS: Const(self._word_bits | reg.INTEGER_BITS << 8, 32),
@@ -350,6 +429,6 @@ class DocumentCore(Component):
             found[reg.R_ENCODER_POSITION[n]] = encoder.position.as_signed()
             found[reg.R_ENCODER_VELOCITY[n]] = encoder.velocity.as_signed()
         for n in range(self._motors):
-            found[reg.R_PHASE_ANGLE[n]] = dda.position[n][:10]
-            found[reg.R_STEP_POSITION[n]] = dda.position[n].as_signed()
+            found[reg.R_PHASE_ANGLE[n]] = self._position[n][:10]
+            found[reg.R_STEP_POSITION[n]] = self._position[n].as_signed()
         return found

@@ -20,17 +20,22 @@ class TickDivider(Component):
     -------
     divider : In(8)
         If the cycles since the last tick are more than a new value, the tick is at once.
+    ready : In(1)
+        Otherwise the tick waits.
     tick : Out(1)
     """
 
     def __init__(self) -> None:
-        super().__init__({"divider": In(8), "tick": Out(1)})
+        super().__init__({"divider": In(8), "ready": In(1), "tick": Out(1)})
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        count = Signal(8)
-        m.d.comb += self.tick.eq(count >= self.divider)
-        m.d.sync += count.eq(Mux(self.tick, 0, count + 1))
+        count, due = Signal(8), Signal()
+        m.d.comb += [due.eq(count >= self.divider), self.tick.eq(due & self.ready)]
+        with m.If(self.tick):
+            m.d.sync += count.eq(0)
+        with m.Elif(~due):
+            m.d.sync += count.eq(count + 1)
         return m
 
 
@@ -49,11 +54,12 @@ class Sequencer(Component):
         Drop all moves.
     arm : In(1)
         Slot ``write_slot`` is complete; not while ``halted``.
-    duration : In(32)
-        Of ``load_slot`` [tick].
-    write_slot, load_slot : Out(range(depth))
+    empty, last : In(1)
+        The executing move has no ticks, or the next one is its last.
+    write_slot, slot : Out(range(depth))
+        The next one to arm, and the one that executes or is next.
     load : Out(1)
-        ``load_slot`` becomes the executing one at the end of this cycle.
+        At the end of this cycle a move starts: in ``slot``, or while ``run`` the one behind.
     integrate : Out(1)
         A tick that counts.
     finish : Out(1)
@@ -61,8 +67,6 @@ class Sequencer(Component):
     run : Out(1)
     used : Out(range(depth + 1))
         Slots that are armed and not finished.
-    left : Out(32)
-        While ``run``: ticks to go.
     done : Out(1)
         Toggles at the end of each move.
     """
@@ -74,28 +78,24 @@ class Sequencer(Component):
                 "tick": In(1),
                 "halted": In(1),
                 "arm": In(1),
-                "duration": In(32),
+                "empty": In(1),
+                "last": In(1),
                 "write_slot": Out(range(depth)),
-                "load_slot": Out(range(depth)),
+                "slot": Out(range(depth)),
                 "load": Out(1),
                 "integrate": Out(1),
                 "finish": Out(1),
                 "run": Out(1),
                 "used": Out(range(depth + 1)),
-                "left": Out(32),
                 "done": Out(1),
             }
         )
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        slot = Signal(range(self._depth))  # executing, or next
         m.d.comb += [
-            self.load_slot.eq(slot + self.run),
-            self.integrate.eq(~self.halted & self.run & self.tick & (self.left != 0)),
-            self.finish.eq(
-                ~self.halted & self.run & ((self.left == 0) | (self.tick & (self.left == 1)))
-            ),
+            self.integrate.eq(~self.halted & self.run & self.tick & ~self.empty),
+            self.finish.eq(~self.halted & self.run & (self.empty | (self.tick & self.last))),
             self.load.eq(
                 ~self.halted & Mux(self.run, self.finish & (self.used > 1), self.used != 0)
             ),
@@ -103,14 +103,12 @@ class Sequencer(Component):
         m.d.sync += self.used.eq(self.used + self.arm - self.finish)
         with m.If(self.arm):
             m.d.sync += self.write_slot.eq(self.write_slot + 1)
-        with m.If(self.integrate):
-            m.d.sync += self.left.eq(self.left - 1)
         with m.If(self.finish):
-            m.d.sync += [slot.eq(slot + 1), self.run.eq(0), self.done.eq(~self.done)]
+            m.d.sync += [self.slot.eq(self.slot + 1), self.run.eq(0), self.done.eq(~self.done)]
         with m.If(self.load):
-            m.d.sync += [self.left.eq(self.duration), self.run.eq(1)]
+            m.d.sync += self.run.eq(1)
         with m.If(self.halted):
-            m.d.sync += [self.run.eq(0), self.used.eq(0), slot.eq(self.write_slot)]
+            m.d.sync += [self.run.eq(0), self.used.eq(0), self.slot.eq(self.write_slot)]
         return m
 
 

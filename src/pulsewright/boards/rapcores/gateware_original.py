@@ -189,11 +189,10 @@ class OriginalCore(Component):
                 with m.If(self._word == last_word):
                     m.d.sync += self._moving.eq(0)
                     m.d.comb += self._arm.eq(1)
-            with m.Elif(swapped):
-                with m.Switch(address):
-                    for place, value in self._configuration.items():
-                        with m.Case(place):
-                            m.d.sync += value.eq(word)
+            with m.Elif(swapped), m.Switch(address):
+                for place, value in self._configuration.items():
+                    with m.Case(place):
+                        m.d.sync += value.eq(word)
             with m.Elif(~ignored):
                 m.d.sync += address.eq(word)
                 with m.If(header == reg.HEADER_MOVE):

@@ -1,0 +1,205 @@
+"""The DDA of all motors with one adder, 16 bits wide, and everything wide in block RAM.
+
+What the next tick makes of an accumulator is worked out ahead. In memory there are two sets of
+accumulators and increments, the present ones and those after the next tick, and in the cycle of the
+tick the sets change places. With the tick in which a move ends, or while none executes, the next
+tick is the first of the next slot, so its increments are taken from there.
+
+The ticks of a move are counted down as one more increment, the first one, which grows by -1.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from amaranth import Cat, Module, Mux, Signal
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import Component, In, Out
+
+SLICE_BITS: Final = 16
+DURATION: Final = 0  # entry; that of motor n is n + 1
+DURATION_SLICES: Final = 2
+LATENCY: Final = 3  # cycles from a slice's addresses until its result is in memory
+
+
+def cycles(motors: int, word_bits: int) -> int:
+    """Return how many cycles after a tick the next one can be."""
+    return (motors + 1) * (word_bits // SLICE_BITS) + LATENCY
+
+
+class SharedDda(Component):
+    """Fractions of accumulators, and ticks of moves, for all motors.
+
+    Parameters
+    ----------
+    motors, depth : int
+        Motors and move slots, the latter a power of two.
+    word_bits : int
+        Of increments.
+
+    Members
+    -------
+    write : In(1), write_slot : In(range(depth)), number : In(range(2 * motors + 2)),
+    index : In(range(word_bits // 8)), byte : In(8)
+        Write a byte of a word of the move message into a slot.
+    slot : In(range(depth))
+        Of the move that executes, or is next.
+    clear : In(1), clear_address : In(8)
+        Clear a part of the accumulators; to be there while the rest is in reset, with every address
+        in turn.
+    first : In(1)
+        Its first tick is the next one.
+    restart : In(1)
+        Something of that has changed, or words of ``slot`` have.
+    integrate : In(1)
+        The tick; only while ``ready``.
+    ready : Out(1)
+        The next tick is worked out.
+    last : Out(1)
+        With ``ready``: it is the last of its move.
+    left : Out(32)
+        Ticks of the move that are left, some cycles late.
+    moved, down : Out(motors)
+        With ``ready``: the next tick changes the step position of a motor, downwards.
+    """
+
+    def __init__(self, *, motors: int, depth: int, word_bits: int) -> None:
+        self._motors, self._depth = motors, depth
+        self._slices = word_bits // SLICE_BITS
+        super().__init__(
+            {
+                "write": In(1),
+                "write_slot": In(range(depth)),
+                "number": In(range(2 * motors + 2)),
+                "index": In(range(word_bits // 8)),
+                "byte": In(8),
+                "clear": In(1),
+                "clear_address": In(8),
+                "slot": In(range(depth)),
+                "first": In(1),
+                "restart": In(1),
+                "integrate": In(1),
+                "ready": Out(1),
+                "last": Out(1),
+                "left": Out(32),
+                "moved": Out(motors),
+                "down": Out(motors),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        entries, slices = self._motors + 1, self._slices
+        bank = Signal()  # of the present set
+        with m.If(self.integrate):
+            m.d.sync += bank.eq(~bank)
+
+        # Slices of all entries, from the lowest one on: their addresses, and one and two cycles
+        # later their increments and their accumulators.
+        piece, entry = Signal(range(slices)), Signal(range(entries))
+        busy = Signal()
+        working = Signal(3)  # stages
+        places = [Signal(len(piece) + len(entry), name=f"place{n}") for n in range(3)]
+        m.d.comb += [places[0].eq(Cat(piece, entry)), working[0].eq(busy)]
+        end = (piece == slices - 1) & (entry == entries - 1)
+        with m.If(busy):
+            m.d.sync += piece.eq(piece + 1)
+            with m.If(piece == slices - 1):
+                m.d.sync += entry.eq(entry + 1)
+            with m.If(end):
+                m.d.sync += busy.eq(0)
+        m.d.sync += [places[1].eq(places[0]), places[2].eq(places[1])]
+        restart = self.integrate | self.restart
+        m.d.sync += Cat(working[1:]).eq(Mux(restart, 0, working))
+        m.d.sync += self.ready.eq(~restart & ~working[:2].any())
+        with m.If(restart):
+            m.d.sync += [busy.eq(1), piece.eq(0), entry.eq(DURATION)]
+        first, second = self._slots(m, places[0])
+        increment, total = Signal(SLICE_BITS), Signal(SLICE_BITS + 1)
+        m.submodules.increments = memory = self._memory(len(places[0]))
+        written, read = memory.write_port(), memory.read_port()
+        m.d.comb += [
+            read.addr.eq(Cat(places[0], bank)),
+            written.addr.eq(Cat(places[1], ~bank)),
+            written.data.eq(increment),
+            written.en.eq(working[1]),
+        ]
+        carry = Signal()
+        bottom = [place[: len(piece)] == 0 for place in places]
+        top = [place[: len(piece)] == slices - 1 for place in places]
+        m.d.comb += [
+            total.eq(_add(read.data, second, carry & ~bottom[1])),
+            increment.eq(Mux(self.first, first, total)),
+        ]
+        added = Signal(SLICE_BITS)
+        m.d.sync += [carry.eq(total[-1]), added.eq(increment)]
+
+        result, overflow = Signal(SLICE_BITS + 1), Signal()
+        fraction = Signal(SLICE_BITS)  # the highest one has a bit less
+        m.d.comb += fraction.eq(Cat(result[:-2], result[-2] & ~top[2]))
+        m.submodules.accumulators = memory = self._memory(len(places[0]))
+        written, read = memory.write_port(), memory.read_port()
+        m.d.comb += [
+            read.addr.eq(Cat(places[1], bank)),
+            written.addr.eq(
+                Mux(self.clear, self.clear_address[: len(places[0])], Cat(places[2], ~bank))
+            ),
+            written.data.eq(Mux(self.clear, 0, fraction)),
+            written.en.eq(working[2] | self.clear),
+        ]
+        m.d.comb += result.eq(
+            _add(
+                read.data,
+                Cat(added[:-1], added[-1] & ~top[2]),
+                overflow & ~bottom[2],
+            )
+        )
+        m.d.sync += overflow.eq(result[-1])
+
+        here = places[2][len(piece) :]
+        with m.If(working[2] & top[2]), m.Switch(here):
+            for n in range(self._motors):
+                with m.Case(n + 1):
+                    m.d.sync += [
+                        self.moved[n].eq(result[-2] ^ added[-1]),
+                        self.down[n].eq(added[-1]),
+                    ]
+        with m.If(working[2] & (here == DURATION)):
+            for n in range(DURATION_SLICES):
+                with m.If(places[2][: len(piece)] == n):
+                    m.d.sync += self.left[SLICE_BITS * n :][:SLICE_BITS].eq(added)
+        m.d.comb += self.last.eq(self.left == 1)
+        return m
+
+    def _slots(self, m: Module, place: Signal) -> tuple[Signal, Signal]:
+        """Add move slots; return a slice of what an entry has first, and of what is added to it."""
+        size = 1 << len(place)
+        grows = [0xFFFF if n < self._slices else 0 for n in range(size)] * self._depth
+        second = self.number[0] & (self.number != 1)
+        found = []
+        for name, init, enable in (("first", [], ~second), ("second", grows, second)):
+            m.submodules[f"slots_{name}"] = memory = Memory(
+                shape=SLICE_BITS, depth=size * self._depth, init=init, attrs={"ram_style": "block"}
+            )
+            written, read = memory.write_port(granularity=8), memory.read_port()
+            m.d.comb += [
+                written.addr.eq(Cat(self.index[1:], self.number[1:], self.write_slot)),
+                written.data.eq(self.byte.replicate(2)),
+                written.en.eq(
+                    (self.write & enable).replicate(2) & Cat(~self.index[0], self.index[0])
+                ),
+                read.addr.eq(Cat(place, self.slot)),
+            ]
+            found.append(read.data)
+        return found[0], found[1]
+
+    def _memory(self, place_bits: int) -> Memory:
+        """Return two sets of slices of all entries."""
+        return Memory(
+            shape=SLICE_BITS, depth=2 << place_bits, init=[], attrs={"ram_style": "block"}
+        )
+
+
+def _add(a: Signal, b: Signal, carry: Signal) -> Signal:
+    """Return the sum of two numbers and a bit, one bit longer."""
+    return (Cat(1, a) + Cat(carry, b))[1:]

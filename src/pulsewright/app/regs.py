@@ -60,8 +60,9 @@ def table(registers: RegisterMap) -> str:
         overview.add_row(pages.address(registers, at), *labels)
     console.print(overview)
 
-    for register in registers.registers:
-        head = f"{register.key} @ {pages.addresses(registers, register)}: {register.label()}"
+    for register in (*registers.registers, *registers.words):
+        place = "" if register.side == "word" else f" @ {pages.addresses(registers, register)}"
+        head = f"{register.key}{place}: {register.label()}"
         if register.reset is not None:
             head += f", reset {pages.word(register, register.reset)}"
         console.print(head)

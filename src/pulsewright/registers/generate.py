@@ -2,7 +2,8 @@
 
 Run as ``python -m pulsewright.registers.generate`` in a checkout. A board is a folder
 ``src/pulsewright/boards/<board>`` with a register source; its products are ``registers.py``
-beside it and ``docs/registers/<board>.md``, ``.json`` and ``.h``. With ``--check`` nothing is
+beside it and ``docs/registers/<board>.md``, ``.json`` and ``.h``, and its pictures in
+``docs/registers/<board>/`` if it asks for them. With ``--check`` nothing is
 written: the files that differ are named, and the exit code is 1.
 """
 
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from pulsewright.errors import PulsewrightError, UsageError
-from pulsewright.registers import render
+from pulsewright.registers import picture, render
 from pulsewright.registers.model import RegisterMap
 from pulsewright.registers.render import LISTED
 
@@ -59,11 +60,17 @@ def products(source: Path, root: Path = CHECKOUT) -> dict[Path, str]:
     if registers.board != board:
         raise UsageError(f"{source}: the address map is '{registers.board}', must be '{board}'")
     docs = root / "docs/registers"
+    pictures = {
+        docs / render.picture_file(registers, register): picture.svg(register)
+        for register in (*registers.registers, *registers.words)
+        if registers.pictures
+    }
     return {
         source.with_name("registers.py"): python(registers),
         docs / f"{board}.md": render.markdown(registers),
         docs / f"{board}.json": render.json(registers),
         docs / f"{board}.h": render.c_header(registers),
+        **pictures,
     }
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from pulsewright.errors import UsageError
 
-Side = Literal["read", "write"]
+Side = Literal["read", "write", "word"]
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,8 @@ class Register:
     Parameters
     ----------
     board, name, side : str
-        Where it is: ``usc``, ``DIVISOR``, ``write``. A board's two sides are separate maps.
+        Where it is: ``usc``, ``DIVISOR``, ``write``. A board's two sides are separate maps. Side
+        ``word`` is for words of messages, whose addresses have no meaning.
     addresses : tuple of int
         First byte of each instance, of which there is one per axis or encoder.
     size : int
@@ -155,8 +156,8 @@ class Register:
 
     @property
     def key(self) -> str:
-        """Name within its map: ``R_IDENT``, ``W_TIMER``."""
-        return f"{self.side[0].upper()}_{self.name}"
+        """Name within its map: ``R_IDENT``, ``W_TIMER``, ``WORD_DURATION``."""
+        return f"{'WORD' if self.side == 'word' else self.side[0].upper()}_{self.name}"
 
     @property
     def alias_groups(self) -> tuple[tuple[int, ...], ...]:
@@ -409,6 +410,10 @@ class RegisterMap:
         Interrupts, commands and other codes that are no registers.
     hex_addresses : bool
         Documents write the numbers of whole registers in hexadecimal.
+    pictures : bool
+        Every register and word has a bit-field picture, in a file of its own.
+    words : tuple of Register
+        Words that messages are made of.
     """
 
     board: str
@@ -421,6 +426,8 @@ class RegisterMap:
     address_bits: int
     tables: tuple[Table, ...] = ()
     hex_addresses: bool = False
+    pictures: bool = False
+    words: tuple[Register, ...] = ()
 
     @property
     def numbered(self) -> bool:

@@ -84,8 +84,12 @@ def read(path: Path | str) -> RegisterMap:
 def _map(top: AddrmapNode) -> RegisterMap:
     board = top.inst_name
     sides = {node.inst_name: node for node in top.children()}
-    if list(sides) != ["read", "write"]:
-        raise _error(top, f"holds {', '.join(sides)}; needs the two addrmaps 'read' and 'write'")
+    if list(sides) not in (["read", "write"], ["read", "write", "words"]):
+        raise _error(
+            top,
+            f"holds {', '.join(sides)}; needs the two addrmaps 'read' and 'write', and may have "
+            f"'words'",
+        )
     profiles = tuple(_udp(top, "profiles", []))
     switches = tuple(_switch(top, raw, len(profiles)) for raw in _udp(top, "switches", []))
     defaults = {switch.name: switch.values[0] for switch in switches}
@@ -116,6 +120,10 @@ def _map(top: AddrmapNode) -> RegisterMap:
         address_bits=address_bits,
         tables=tuple(_table(top, raw) for raw in _udp(top, "tables", [])),
         hex_addresses=_udp(top, "hex_addresses", False),
+        pictures=_udp(top, "pictures", False),
+        words=tuple(_registers(board, "word", sides["words"], defaults, address_bytes))
+        if "words" in sides
+        else (),
     )
 
 
@@ -242,8 +250,9 @@ def _check(
     """Refuse a register on the wrong side, or one that refers to what is not there."""
     for part in [node] if isinstance(node, RegNode) else node.registers():
         access = [part.has_sw_readable, part.has_sw_writable]
-        if access != [side == "read", side == "write"]:
-            raise _error(part, f"is in addrmap '{side}'; set sw = {side[0]}")
+        if access != [side != "write", side == "write"]:
+            wanted = "w" if side == "write" else "r"
+            raise _error(part, f"is in addrmap '{addrmap.inst_name}'; set sw = {wanted}")
     for name in _present_with(node):
         if name not in switches:
             raise _error(node, f"present_with '{name}', which is no switch", "present_with")

@@ -10,6 +10,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any, Final
 
+from pulsewright.registers import picture
 from pulsewright.registers.model import (
     Constant,
     Field,
@@ -107,6 +108,11 @@ def bit_runs(register: Register) -> list[tuple[str, str, int]]:
     return runs
 
 
+def picture_file(registers: RegisterMap, register: Register) -> str:
+    """Return where the picture of a register is, beside the page: ``usc/w_timer.svg``."""
+    return f"{registers.board}/{register.key.lower()}.svg"
+
+
 def has_picture(register: Register) -> bool:
     """Tell whether a row of bits says more about a register than its name."""
     return len(bit_runs(register)) > 1
@@ -184,6 +190,10 @@ def markdown(registers: RegisterMap) -> str:
         lines += ["", f"## {table.title}", ""]
         lines += [table.desc, ""] if table.desc else []
         lines += _table(*table_rows(table))
+    if registers.words:
+        lines += ["", "## Words of messages"]
+        for part in registers.words:
+            lines += _markdown_register(registers, part)
     if registers.switches:
         lines += ["", "## Profiles", "", f"The default is `{registers.profiles[0]}`.", ""]
         lines += _table(
@@ -203,11 +213,17 @@ def markdown(registers: RegisterMap) -> str:
 
 
 def _markdown_register(registers: RegisterMap, register: Register) -> list[str]:
-    head = f"**{register.label()}.** Address `{addresses(registers, register)}`"
-    head += f", {register.size} bytes" if register.size > 1 else ""
-    head += f", reset `{word(register, register.reset)}`." if register.reset is not None else "."
+    head = f"**{register.label()}.**"
+    if register.side != "word":
+        head += f" Address `{addresses(registers, register)}`"
+        head += f", {register.size} bytes" if register.size > 1 else ""
+        head += (
+            f", reset `{word(register, register.reset)}`." if register.reset is not None else "."
+        )
     lines = ["", f"### {register.key}", "", head, "", register.desc, ""]
-    if has_picture(register):
+    if registers.pictures:
+        lines += [f"![{picture.describe(register)}]({picture_file(registers, register)})", ""]
+    elif has_picture(register):
         bits = range(8 * register.size - 1, -1, -1)
         cells = []
         for bit in bits:
@@ -323,8 +339,9 @@ def json(registers: RegisterMap) -> str:
     page = {"format": JSON_FORMAT} | dataclasses.asdict(registers) | {"registers": described}
     if not registers.tables:
         del page["tables"]
-    if not registers.hex_addresses:
-        del page["hex_addresses"]
+    for name in ("hex_addresses", "pictures", "words"):
+        if not page[name]:
+            del page[name]
     return json_module.dumps(page, indent=1) + "\n"
 
 
@@ -372,6 +389,9 @@ def html(registers: RegisterMap) -> str:
         body += [f"<p>{_inline(table.desc)}</p>"] if table.desc else []
         titles, codes = table_rows(table)
         body.append(_html_table(titles, [list(map(_inline, row)) for row in codes]))
+    if registers.words:
+        body.append("<h2>Words of messages</h2>")
+        body += [_html_register(registers, part) for part in registers.words]
     if registers.switches:
         body.append("<h2>Profiles</h2>")
         body.append(f"<p>The default is <code>{registers.profiles[0]}</code>.</p>")
@@ -394,7 +414,9 @@ def html(registers: RegisterMap) -> str:
 
 
 def _html_register(registers: RegisterMap, register: Register) -> str:
-    facts = [("Address", f"`{addresses(registers, register)}`")]
+    facts = []
+    if register.side != "word":
+        facts.append(("Address", f"`{addresses(registers, register)}`"))
     if register.size > 1:
         facts.append(("Size", f"{register.size} bytes, low byte first"))
     if register.reset is not None:

@@ -120,8 +120,8 @@ def test_steps_come_when_the_plan_passes_the_middle_between_two(build):
     assert player.done
     steps = steps_of(driver.bus.twin, plan.axes)
     assert sum(len(cycles) for cycles, _ in steps) > 1000 * plan.axes
-    # ticks of 41 clocks at up to 10200 steps/s: 0.013; a microsecond late would be 0.01 more
-    assert check_steps(steps, plan, player.start_cycle) < 0.02
+    # 0.02 in long moves, half a tick of 41 clocks at up to 10200 steps/s is 0.013
+    assert check_steps(steps, plan, player.start_cycle) < 0.036
     assert driver.read_steps()[: plan.axes].tolist() == np.floor(plan.at(9.0)[0] + 0.5).tolist()
 
 
@@ -144,7 +144,7 @@ def test_the_first_tick_is_known_for_any_length_of_ticks(rate):
     tick = round(CLOCK / driver.tick_rate)
     late = cycles - player.start_cycle - when(plan, counts - 0.5, seconds) * CLOCK
     middle = late[n // 3 : -n // 3]  # where a step is short: there the bend is no time
-    assert abs(middle).max() <= tick / 2 + 2
+    assert abs(middle).max() <= tick / 2 + 2 + 0.02 / rate * CLOCK
     assert abs(middle.mean()) <= 1.5
 
 
@@ -242,7 +242,6 @@ def test_telemetry_is_that_of_the_start_of_a_move_it_names():
     plan = swing(0.2, 400, 9000)
     player = play_on(driver, plan)
     player.prepare()
-    length = round(player.update * CLOCK)
     seen = set()
     for until in np.arange(0.01, 0.19, 0.007):
         player.play(until)
@@ -250,11 +249,11 @@ def test_telemetry_is_that_of_the_start_of_a_move_it_names():
         if told is None or told.move < 2:
             continue
         seen.add(told.move)
-        # move 1 begins a move before time 0; three clocks into the first tick what it does shows
-        begin = player.start_cycle + (told.move - 2) * length
+        # three clocks and half a tick later what the move does shows
+        begin = player.start_cycle + told.time * CLOCK
         counted = (begin - 100_000) // 40_000 + 1
         assert abs(told.telemetry.positions[0] - counted) <= (begin % 40_000 < 100)
-        planned = plan.at((told.move - 2) * player.update)[0]
+        planned = plan.at(told.time)[0]
         assert np.allclose(told.position, planned, atol=2e-3)
     assert len(seen) > 15
 
@@ -262,7 +261,7 @@ def test_telemetry_is_that_of_the_start_of_a_move_it_names():
 def test_following_error_is_commanded_minus_measured():
     codec = Codec(motors=2, encoders=2)
     reply = codec.to_bytes([0, 0, 400, 9, (1 << 64) - 100, 9])
-    told = Told(3, np.array([101.5, -24.0]), codec.telemetry(reply))
+    told = Told(3, 0.1, np.array([101.5, -24.0]), codec.telemetry(reply))
     assert told.following_error([4.0, 4.0]).tolist() == [1.5, 1.0]
 
 
@@ -273,11 +272,12 @@ def test_following_error_is_commanded_minus_measured():
 def test_a_host_that_pauses_too_long_starves_the_board_and_resumes(depth):
     bus = Slow(RapcoresTwin("document", depth=depth))
     driver = RapcoresDriver(bus, depth=depth)
-    plan = swing(0.3, 500, 9000)
+    plan = swing(1.5, 500, 9000)
     player = play_on(driver, plan)
     player.prepare()
-    bus.pause_at, bus.pause = (bus.frames + 60, bus.frames + 170), 0.03
+    bus.pause = 0.2
     for _ in range(2):
+        bus.pause_at = (bus.frames + 60,)
         with pytest.raises(StarvedError) as starved:
             player.play(math.inf)
         at, time = np.array(starved.value.position), starved.value.time
@@ -299,7 +299,7 @@ def test_a_pause_just_within_the_buffer_starves_nobody():
     driver = RapcoresDriver(bus, depth=32)
     player = play_on(driver, swing(0.3, 500, 9000))
     player.prepare()
-    bus.pause_at, bus.pause = (bus.frames + 60,), 30 * player.update
+    bus.pause_at, bus.pause = (bus.frames + 40,), 30 * player.update
     player.play(math.inf)
     assert player.done
 
@@ -320,11 +320,10 @@ def test_a_halt_ends_the_job(how):
 
 
 def test_motion_of_somebody_else_is_found_at_the_end():
-    driver = open_board("rapcores")
+    driver = open_board("rapcores", depth=16)
     player = play_on(driver, swing(0.1, 500, 5000))
     player.prepare()
-    player.play(0.05)
-    driver.wait_room()
+    player.play(0.0999)  # all is sent
     driver.move(100, [1 << 62, 0, 0, 0])
     with pytest.raises(BusError, match=r"made \d+ moves and is at .* it was sent"):
         player.play(math.inf)

@@ -2,14 +2,15 @@
 
 A *move* lasts a number of ticks; in each of them the accumulator of every motor grows by an
 increment, and the increment by another one: after n ticks the motor is at
-p + n inc + n (n - 1) / 2 incinc, exactly. All moves of a job have the same length T, and follow
-each other without a gap; so a plan becomes a chain of parabolas, one for each motor and T.
+p + n inc + n (n - 1) / 2 incinc, exactly. Moves follow each other without a gap; so a plan becomes
+a chain of parabolas of all motors. They begin and end on a grid of time steps of length T.
 
 The law: the parabola that starts where the model's accumulator is, passes the plan in the middle of
 the move and ends at the plan. The increment is rounded last, such that the end is met to half a
 unit per tick; the rest is in the model's accumulator, so nothing accumulates. A parabola is at most
 0.038 a T^2 off a plan whose acceleration stays within +-a, and j T^3 / 125 off a jerk j; where that
-is constant, neighbouring parabolas join without a jump of velocity.
+is constant, neighbouring parabolas join without a jump of velocity. Where the plan allows, a move
+takes two, four or eight grid steps: then the host has more time, and the link less to carry.
 
 The board is at step floor(accumulator). The accumulator is half a step beyond the plan, so that a
 step comes where the plan passes the middle between two positions. Rounding makes no step that the
@@ -31,15 +32,17 @@ from pulsewright.boards.rapcores import registers as reg
 from pulsewright.errors import MotionLimitError
 from pulsewright.motion.trajectory import Trajectory
 
+LONGEST: Final = 8  # grid steps of a move, a power of 2
+QUARTERS: Final = 4  # of a grid step: where the plan is looked at
 DEVIATION: Final = 0.6  # what the conversion promises [step]: half a step of counting, and ...
 BEND: Final = 0.04  # ... what the plan may leave a parabola,
+NEAR: Final = 0.02  # ... as seen at quarters of the grid, in moves of several grid steps,
 LATE: Final = 0.01  # ... wait for a change of direction,
 JITTER: Final = 0.1  # ... and, half of it, move within a tick [step]
 SHAPE: Final = 0.1  # a parabola, kept from turning, is so many a T^2 off an acceleration within +-a
-MARGIN: Final = 1.25  # shortest move over what its messages take on the link
+MARGIN: Final = 1.25  # shortest grid step over what its messages take on the link
 LONGEST_TICK: Final = 41  # [clock]: that of the board after reset
-LONGEST_MOVE: Final = 0.005  # [s]
-INTEGER_BITS: Final = 32  # of an accumulator
+LONGEST_GRID: Final = 0.005  # [s]
 SHOWN: Final = 3  # from a tick to the step pulse that it causes [clock]
 
 
@@ -106,10 +109,10 @@ def tick_period(timing: PulseTiming, rate: float) -> int:
     return max(1, min(LONGEST_TICK, int(JITTER * period), int(period - timing.spacing)))
 
 
-def move_ticks(
+def grid_ticks(
     timing: PulseTiming, *, tick: int, message_cycles: float, acceleration: float
 ) -> int:
-    """Return the length of the moves of a job [tick], an even number.
+    """Return the length of the grid steps of a job [tick], a multiple of 4.
 
     As long as the plan's acceleration allows: long moves need few messages, and let the host be
     late.
@@ -132,8 +135,8 @@ def move_ticks(
     shortest = MARGIN * message_cycles
     bend = reg.CLOCK_HZ * math.sqrt(BEND / (SHAPE * max(acceleration, 1.0)))
     us = 1e6 / reg.CLOCK_HZ
-    if bend < shortest + 2 * tick:
-        most = BEND / SHAPE * (reg.CLOCK_HZ / (shortest + 2 * tick)) ** 2
+    if bend < shortest + QUARTERS * tick:
+        most = BEND / SHAPE * (reg.CLOCK_HZ / (shortest + QUARTERS * tick)) ** 2
         raise MotionLimitError(
             f"rapcores: {acceleration:.3g} step/s^2 asked; this link carries a move each "
             f"{shortest * us:.0f} us, and such moves follow up to {most:.3g} step/s^2; lower the "
@@ -146,7 +149,7 @@ def move_ticks(
             f"at {acceleration:.3g} step/s^2 allowed are {late * us:.3g} us; shorten the drive's "
             f"times or lower the axis acceleration"
         )
-    return int(min(bend, LONGEST_MOVE * reg.CLOCK_HZ) / tick) // 2 * 2
+    return int(min(bend, LONGEST_GRID * reg.CLOCK_HZ) / tick) // QUARTERS * QUARTERS
 
 
 @dataclass(frozen=True)
@@ -185,11 +188,13 @@ class Converter:
     trajectory : Trajectory
         Motor positions [step].
     ticks : int
-        Length of a move, from `move_ticks` [tick].
+        Length of a grid step, from `grid_ticks` [tick].
     tick : int
         Length of a tick [clock].
     lead : int
-        Moves before time 0 of the plan, at least 1.
+        Grid steps before time 0 of the plan, at least 1.
+    longest : int
+        Grid steps that a move may take, a power of 2.
     word_bits : int
         Of the board's words, W: 64 or 32.
     position, fraction : (motors,) int, optional
@@ -199,9 +204,9 @@ class Converter:
     Attributes
     ----------
     at : int
-        Moves converted so far.
+        Grid steps converted so far.
     total : int
-        Moves of the job, to the end of the last step and some rest.
+        Grid steps of the job, to the end of the last step and some rest.
     """
 
     def __init__(
@@ -211,15 +216,16 @@ class Converter:
         ticks: int,
         tick: int,
         lead: int = 1,
+        longest: int = LONGEST,
         word_bits: int = reg.WORD_BITS,
         position: ArrayLike | None = None,
         fraction: ArrayLike | None = None,
     ) -> None:
         self.trajectory, self.ticks, self.tick = trajectory, ticks, tick
-        self.lead, self.word_bits = lead, word_bits
+        self.lead, self.longest, self.word_bits = lead, longest, word_bits
         self.at = 0
         # one more to see the last step out and rest
-        self.total = lead + math.ceil(trajectory.duration / self.move_time) + 1
+        self.total = lead + math.ceil(trajectory.duration / self.grid) + 1
         self._state = np.zeros((trajectory.axes, 2), np.int64)
         start = np.floor(trajectory.at(0.0)[0] + 0.5).astype(np.int64)
         self._state[:, 0] = start if position is None else position
@@ -227,14 +233,9 @@ class Converter:
         self._piece = 0
 
     @property
-    def move_cycles(self) -> int:
-        """Length of a move [clock]."""
-        return self.ticks * self.tick
-
-    @property
-    def move_time(self) -> float:
-        """Length of a move [s]."""
-        return self.move_cycles / reg.CLOCK_HZ
+    def grid(self) -> float:
+        """Length of a grid step [s]."""
+        return self.ticks * self.tick / reg.CLOCK_HZ
 
     @property
     def done(self) -> bool:
@@ -257,20 +258,15 @@ class Converter:
         The tick after which the accumulator has to be where the plan is comes half a tick after a
         crossing on average, and `SHOWN` later the step is at the pins.
         """
-        return first_tick - self.tick + self.lead * self.move_cycles + SHOWN + self.tick // 2
+        lead = (self.lead * self.ticks - 1) * self.tick
+        return first_tick + lead + SHOWN + self.tick // 2
 
-    def time(self, move: int) -> float:
-        """Return the time of the plan at which a move begins [s]; before the first it is negative.
+    def time(self, ticks: int) -> float:
+        """Return the time of the plan after some ticks of the job [s]."""
+        return (ticks - self.lead * self.ticks) * self.tick / reg.CLOCK_HZ
 
-        Parameters
-        ----------
-        move : int
-            From 0 on.
-        """
-        return (move - self.lead) * self.move_time
-
-    def convert(self, count: int) -> Moves:
-        """Return the next ``count`` moves, fewer at the end.
+    def convert(self, steps: int) -> Moves:
+        """Return the moves of at least the next ``steps`` grid steps, fewer at the end.
 
         Raises
         ------
@@ -281,18 +277,31 @@ class Converter:
         from pulsewright.boards.rapcores.commands_kernel import (  # numba: on first use only
             FASTEST,
             convert,
+            sample,
         )
 
-        n = max(min(count, self.total - self.at), 0)
-        motors = self.trajectory.axes
-        columns = [np.zeros((n, motors), np.int64) for _ in range(4)]
-        plan = self.trajectory
-        bend, rate, motor, when, self._piece = convert(
+        n = max(min(steps, self.total - self.at), 0)
+        motors, plan = self.trajectory.axes, self.trajectory
+        points = np.empty((QUARTERS * (n + self.longest + 1) + 1, motors))
+        first = self.at - self.lead
+        self._piece = sample(
             (plan.poly, plan.cosine, plan.sine, plan.omega),
             (plan.element, plan.start, plan.law),
-            np.array([self.at - self.lead, self.ticks, self.tick, self.word_bits - 1], np.int64),
+            QUARTERS * first - QUARTERS // 2,
+            self.grid / QUARTERS,
+            QUARTERS * n,
             self._piece,
+            points,
+        )
+        length = np.zeros(n, np.int64)
+        columns = [np.zeros((n, motors), np.int64) for _ in range(4)]
+        rest = self.total - self.at
+        used, converted, bend, rate, motor, when = convert(
+            points,
+            np.array([first, n, rest, self.longest, self.ticks, self.word_bits - 1], np.int64),
             self._state,
+            np.empty(motors),
+            length,
             *columns,
         )
         if rate > FASTEST or bend > BEND + LATE:
@@ -300,11 +309,12 @@ class Converter:
             if rate > FASTEST:
                 what = f"needs {rate:.3g} steps per tick, the board makes one"
             raise MotionLimitError(
-                f"rapcores motor {motor}: {what} at {max(self.time(self.at + when), 0.0):.4f} s; "
+                f"rapcores motor {motor}: {what} at {max((first + when) * self.grid, 0.0):.4f} s; "
                 f"lower the velocity or acceleration of its axis"
             )
-        self.at += n
-        return Moves(np.full(n, self.ticks, np.uint32), *columns)
+        self.at += converted
+        duration = (length[:used] * self.ticks).astype(np.uint32)
+        return Moves(duration, *(column[:used] for column in columns))
 
     def finish(self) -> Moves:
         """Return the moves that end a job: back to whole steps, without a step.

@@ -16,7 +16,7 @@ from pulsewright.boards.rapcores.commands import (
     Converter,
     Moves,
     PulseTiming,
-    move_ticks,
+    grid_ticks,
     tick_period,
 )
 from pulsewright.errors import (
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pulsewright.motion.trajectory import Trajectory
 
 LEAD: Final = 0.2  # first move, at rest: the host fills the buffer and sets up what it needs [s]
-CONVERTED: Final = 2048  # moves at once
+CONVERTED: Final = 4096  # grid steps at once
 ACTS: Final = 5  # from the end of the last bit of a word to its effect [clock]
 COUNTS: Final = 1 << 32  # of the counters of moves
 HALT: Final = reg.R_BUFFER_STATE_HALTED_MASK | reg.R_BUFFER_STATE_HALT_SEEN_MASK
@@ -51,6 +51,8 @@ class Told:
     ----------
     move : int
         Number of the move that was executing, from 0 on.
+    time : float
+        Time of the plan as it began [s]; negative before the plan.
     position : (motors,) float64
         Where the motors of the plan were commanded to be as it began [step].
     telemetry : Telemetry
@@ -58,6 +60,7 @@ class Told:
     """
 
     move: int
+    time: float
     position: NDArray[np.float64]
     telemetry: Telemetry
 
@@ -83,7 +86,7 @@ class _Pace:
     tick : int
         Length of a tick [clock].
     ticks : int
-        Length of a move [tick].
+        Length of a grid step [tick].
     phase : int
         Cycle of a tick, and of all that are whole ticks later.
     read, message : int
@@ -181,7 +184,7 @@ class RapcoresPlayer:
         timing, rate = PulseTiming(**asdict(driver.timing)), max(self.rates)
         tick, read = tick_period(timing, rate), self._measure()
         message = read * (1 + driver.motors + 2)
-        ticks = move_ticks(
+        ticks = grid_ticks(
             timing, tick=tick, message_cycles=message, acceleration=max(self.accelerations)
         )
         driver.release_estop()
@@ -219,8 +222,8 @@ class RapcoresPlayer:
 
     @property
     def update(self) -> float:
-        """Length of a move [s]: two of them after a stop, each step has been made."""
-        return self._playing.converter.move_time
+        """Grid step of the moves [s]: two of them after a stop, each step has been made."""
+        return self._playing.converter.grid
 
     @property
     def start_cycle(self) -> int:
@@ -358,17 +361,18 @@ class _Job:
         )
         self.accumulators = self.converter.position, self.converter.fraction
         self.finished = False
-        # number of a move, accumulators as it began, and what the board told of that moment
-        self._telemetry: tuple[int, tuple[Ints, Ints], bytes] | None = None
+        # number of a move, ticks and accumulators as it began, what the board told of that moment
+        self._telemetry: tuple[int, int, tuple[Ints, Ints], bytes] | None = None
         self._question = b"".join(
             driver.codec.status_read(address) for address in (reg.R_TICKS_LEFT, reg.R_BUFFER_STATE)
         )
         self._offset = driver.read_steps()[: trajectory.axes] - self.accumulators[0]
         self._completed = driver.counters().moves_completed
         self._waiting: deque[tuple[bytes, int, Ints, Ints]] = deque()
-        # duration, and accumulators at the start, of the moves that may not be completed
-        self._open: deque[tuple[int, tuple[Ints, Ints]]] = deque(maxlen=driver.depth + 1)
-        self._sent = self._used = self._ticks_left = 0
+        # duration, ticks of the conversion before, and accumulators then, of the moves that may not
+        # be completed
+        self._open: deque[tuple[int, int, tuple[Ints, Ints]]] = deque(maxlen=driver.depth + 1)
+        self._sent = self._used = self._ticks_left = self._ticks = 0
         self._all_converted = False
         self.start_cycle = self._start()
 
@@ -392,8 +396,9 @@ class _Job:
         """The latest telemetry."""
         if self._telemetry is None:
             return None
-        move, accumulators, reply = self._telemetry
-        return Told(move, self._place(accumulators), self._driver.codec.telemetry(reply))
+        move, ticks, accumulators, reply = self._telemetry
+        time, place = self.converter.time(ticks), self._place(accumulators)
+        return Told(move, time, place, self._driver.codec.telemetry(reply))
 
     @property
     def place(self) -> NDArray[np.float64]:
@@ -403,8 +408,7 @@ class _Job:
     @property
     def time(self) -> float:
         """Time of the trajectory after the moves sent [s]."""
-        time = self.converter.time(self._sent - 1)  # the first one is not of the conversion
-        return min(max(time, 0.0), self.converter.trajectory.duration)
+        return min(max(self.converter.time(self._ticks), 0.0), self.converter.trajectory.duration)
 
     def cycles_to_room(self) -> int:
         """Return in how much time the executing move is over [clock]; at least that of asking.
@@ -428,9 +432,10 @@ class _Job:
         """
         frame, duration, *accumulators = self._waiting.popleft()
         reply = self._bus.transfer(frame + self._question, self._bus.now() + wait)
-        self._open.append((duration, self.accumulators))
+        self._open.append((duration, self._ticks, self.accumulators))
         self.accumulators = accumulators[0], accumulators[1]
         self._sent += 1
+        self._ticks += duration
         self._note(reply)
         self._take(reply[: len(frame)])
         # Two moves now: the one ahead is not over. The last one, of a tick, may come at any time.
@@ -472,7 +477,7 @@ class _Job:
         self._append(Moves(np.array([lead], np.uint32), none, none, position[None], fraction[None]))
         frame, duration, *_ = self._waiting.popleft()
         self._bus.transfer(frame)
-        self._open.append((duration, self.accumulators))
+        self._open.append((duration, -lead, self.accumulators))
         self._sent = self._used = 1
         loaded = _sent_at(self._bus) + ACTS
         first_tick = loaded + 1 + (pace.phase - loaded - 1) % pace.tick
@@ -503,12 +508,12 @@ class _Job:
         """Keep the telemetry that came with a move, if it is known of which move it is."""
         if not 0 < self._used <= len(self._open):
             return
-        duration, accumulators = self._open[-self._used]
+        duration, ticks, accumulators = self._open[-self._used]
         pace = self._pace
         # it began before the header of this move, and was not over between the two answers
         since, left = (duration - self._ticks_left) * pace.tick, self._ticks_left * pace.tick
         if since > pace.message - 2 * pace.read and left > 2 * pace.read:
-            self._telemetry = self._sent - self._used, accumulators, reply
+            self._telemetry = self._sent - self._used, ticks, accumulators, reply
 
     def _place(self, accumulators: tuple[Ints, Ints]) -> NDArray[np.float64]:
         position, fraction = accumulators

@@ -266,7 +266,8 @@ class RapcoresDriver(Driver[SpiBus]):
             if build_id != reg.BUILD_ID:
                 raise BusError(
                     f"rapcores: the board tells build id {build_id:08X}, expected "
-                    f"{reg.BUILD_ID:08X}; an original is driven with profile 'upstream'"
+                    f"{reg.BUILD_ID:08X}; an original is driven with profile 'upstream', a build "
+                    f"with words of 32 bits with word_bits=32"
                 )
         for name, expected in asked.items():
             if has[name] != expected:

@@ -36,3 +36,11 @@ def test_real_programs_pass_on_pluto_step(name, corpus):
 def test_real_programs_pass_on_s3g(name, corpus):
     result = Job.from_gcode(corpus / name).run(board="s3g")
     assert result.passed, result.text()
+
+
+@pytest.mark.parametrize(
+    "name", cases([SHORT[1], SHORT[5]], [SHORT[0], *SHORT[2:5], SHORT[6], *LONG])
+)
+def test_real_programs_pass_on_rapcores(name, corpus):
+    result = Job.from_gcode(corpus / name).run(board="rapcores")
+    assert result.passed, result.text()

@@ -251,14 +251,34 @@ def test_the_serial_port_is_where_the_platform_has_it(tools, tmp_path):
     assert not any(pin.startswith("uart") for _, _, pins, _ in usc.pins for pin in pins)
 
 
-@pytest.mark.parametrize(
-    ("platform", "axes", "message"),
-    [
-        ("orangecrab", 2, "cannot make 50 MHz exactly from 48 MHz"),
-        ("hx8k", 7, "7 axes asked; s3g has 1 to 6"),
-    ],
-)
-def test_an_s3g_that_cannot_be_built(tools, tmp_path, platform, axes, message):
+def test_an_s3g_that_cannot_be_built(tools, tmp_path):
     tools(60.0)
-    with pytest.raises(UsageError, match=message):
-        build.run("s3g", platform, out=tmp_path, axes=axes)
+    with pytest.raises(UsageError, match="7 axes asked; s3g has 1 to 6"):
+        build.run("s3g", "hx8k", out=tmp_path, axes=7)
+
+
+def test_the_pins_of_rapcores_on_an_icebreaker(tools, tmp_path):
+    """Bus, then step, direction and enable of each axis, outputs, HALT, encoders in pairs."""
+    tools(60.0)
+    result = build.run("rapcores", "icebreaker", out=tmp_path, axes=4)
+    wired = {port: pins for port, _, pins, _ in result.pins}
+    assert [wired[port] for port in ("cs", "sck", "copi", "cipo")] == [
+        (f"pmod_0:{pin}",) for pin in (1, 2, 3, 4)
+    ]
+    assert [wired[f"{port}[0..3]"][0] for port in ("step", "dir", "en")] == [
+        f"pmod_0:{pin}" for pin in (7, 8, 9)
+    ]
+    assert wired["halt"] == ("pmod_2:3",)
+    assert wired["enc_a[0..2]"] == ("pmod_2:4", "pmod_2:8", "pmod_2:10")
+    assert wired["enc_b[0..1]"] == ("pmod_2:7", "pmod_2:9")
+    assert result.left_out == ("rst_n", "enc_a[3]", "enc_b[2..3]")
+    assert str(result.pll) == "12 MHz x 64 / 16 / 3 = 16 MHz"
+
+
+def test_the_number_of_encoders_is_chosen(tools, tmp_path):
+    tools(60.0)
+    made = build.run("rapcores", "hx8k", out=tmp_path, axes=2, encoders=5)
+    ports = [port for port, _, _, _ in made.pins]
+    assert {"enc_a[0..4]", "enc_b[0..4]", "step[0..1]"} <= set(ports)
+    with pytest.raises(UsageError, match="5 encoders asked; those of usc are as they are"):
+        build.run("usc", "hx8k", out=tmp_path, encoders=5)

@@ -45,6 +45,21 @@ def test_40_mhz_on_an_ecp5(crystal, reference, multiplier):
 
 
 @pytest.mark.parametrize(
+    ("crystal", "megahertz", "oscillator", "text"),
+    [
+        # 16 is 25 x 16 / 25, and with 3.125 MHz at least at the detector not a whole multiple of it
+        (25_000_000, 16, 400_000_000, "25 MHz x 16 / 25 = 16 MHz"),
+        (48_000_000, 50, 600_000_000, "48 MHz / 2 x 25 / 12 = 50 MHz"),
+    ],
+)
+def test_a_second_output_of_an_ecp5_pll(crystal, megahertz, oscillator, text):
+    made = pll.solve("ecp5", crystal, megahertz * 1_000_000)
+    assert (made.oscillator_hz, made.clock_hz) == (oscillator, megahertz * 1_000_000)
+    assert made.detector_hz * made.multiplier * made.output == oscillator
+    assert str(made) == text
+
+
+@pytest.mark.parametrize(
     ("family", "crystal", "wanted"),
     [("ice40", 12_000_000, 40_000_001), ("ecp5", 25_000_000, 40_000_001)],
 )

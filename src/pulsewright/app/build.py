@@ -86,6 +86,16 @@ DESIGNS: Final = (
             "xc6s": (Figures(1798 + 910), Figures(1500 + 600)),
         },
     ),
+    Design(
+        "rapcores",
+        "document",
+        4,
+        {
+            "ice40": (Figures(), Figures(1400, 65.0)),
+            "ecp5": (Figures(), Figures(900, 110.0)),
+        },
+    ),
+    Design("rapcores", "document", 8, {"ice40": (Figures(), Figures(2200)), "ecp5": _OPEN}),
     Design("s3g", "robust", 1, {"xc6s": (Figures(), Figures(1200))}),
     Design(
         "s3g",
@@ -198,6 +208,7 @@ def run(
     platform: str | None = None,
     profile: str | None = None,
     axes: int | None = None,
+    encoders: int | None = None,
     out: Path | str | None = None,
     verilog: bool = False,
     pins: Path | str | None = None,
@@ -215,6 +226,8 @@ def run(
         Default: the room's.
     axes : int, optional
         Axes to bring out; default all, or as many as there are pins for.
+    encoders : int, optional
+        Encoders of a room that can have any number of them; default as many as axes.
     out : Path or str, optional
         Folder for all files; default ``out/<board>-<platform>``.
     verilog : bool
@@ -241,10 +254,12 @@ def run(
     room.switches(profile)
     if axes is not None and not 1 <= axes <= room.axes:
         raise UsageError(f"{axes} axes asked; {board} has 1 to {room.axes}")
+    if encoders is not None and "encoders" not in room.parameters:
+        raise UsageError(f"{encoders} encoders asked; those of {board} are as they are")
     if verilog:
         if platform is not None or pins is not None:
             raise UsageError("Verilog is written without pads: leave out platform and pins")
-        return _verilog(room, profile, axes, Path(out or f"out/{board}"))
+        return _verilog(room, profile, axes, encoders, Path(out or f"out/{board}"))
     if pins is not None and axes is not None:
         raise UsageError(f"{pins} says which axes are at pins: leave out --axes")
 
@@ -252,7 +267,7 @@ def run(
     from pulsewright.gateware import platforms, pll, synth
 
     target = platforms.get(PLATFORM if platform is None else platform)
-    whole = _gateware(room, profile, axes if pins is None else room.axes, target.family)
+    whole = _gateware(room, profile, axes if pins is None else room.axes, encoders, target.family)
     free = target.pins()
     pads = pin_maps.pads(whole)
     if pins is None:
@@ -265,7 +280,7 @@ def run(
     folder = _made(Path(out or f"out/{board}-{target.name}"))
     tools = _made(folder / "tools")
     made_axes = max(len(pin_map.get(name, ())) for name in pin_maps.axis_pads(pads))
-    component = _gateware(room, profile, made_axes, target.family)
+    component = _gateware(room, profile, made_axes, encoders, target.family)
     bitstream = folder / f"{board}-{target.name}{synth.SUFFIX[target.family]}"
     bitstream.unlink(missing_ok=True)  # one of an earlier build must not pass for this one's
     made = synth.implement(
@@ -375,7 +390,7 @@ def area(
         progress("area", n / len(jobs))
         room = boards.get(design.board)
         room.switches(design.profile)
-        component = _gateware(room, design.profile, design.axes, family)
+        component = _gateware(room, design.profile, design.axes, None, family)
         with tempfile.TemporaryDirectory(prefix="pulsewright-") as folder:
             resources = synth.synthesise(component, family, folder)
             device, reached = family, []
@@ -441,13 +456,20 @@ def _grouped(pins: Sequence[str]) -> str:
     return ranges(pins)
 
 
-def _gateware(room: Board, profile: str, axes: int | None, family: str | None = None) -> Component:
+def _gateware(
+    room: Board,
+    profile: str,
+    axes: int | None,
+    encoders: int | None = None,
+    family: str | None = None,
+) -> Component:
     """Return a room's gateware, as large as a family takes.
 
     Says what to install where Amaranth is missing.
     """
     try:
-        return room.gateware(profile, axes, **room.sizes.get(family or "", {}))
+        options = {} if encoders is None else {"encoders": encoders}
+        return room.gateware(profile, axes, **room.sizes.get(family or "", {}), **options)
     except ModuleNotFoundError as error:
         if error.name != "amaranth":
             raise
@@ -457,8 +479,10 @@ def _gateware(room: Board, profile: str, axes: int | None, family: str | None = 
         ) from error
 
 
-def _verilog(room: Board, profile: str, axes: int | None, out: Path) -> BuildResult:
-    component = _gateware(room, profile, axes)
+def _verilog(
+    room: Board, profile: str, axes: int | None, encoders: int | None, out: Path
+) -> BuildResult:
+    component = _gateware(room, profile, axes, encoders)
 
     from pulsewright.gateware import pins as pin_maps
     from pulsewright.gateware import synth

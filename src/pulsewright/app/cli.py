@@ -183,6 +183,9 @@ def build(
         str | None, typer.Option(help="Profile of the board's document switches.")
     ] = None,
     axes: Annotated[int | None, typer.Option(help="Axes to bring out; default all.")] = None,
+    encoders: Annotated[
+        int | None, typer.Option(help="Encoders (rapcores); default as many as axes.")
+    ] = None,
     pins: Annotated[
         Path | None, typer.Option(metavar="TOML", help="Which signal is at which pin.")
     ] = None,
@@ -202,6 +205,7 @@ def build(
             platform=platform,
             profile=profile,
             axes=axes,
+            encoders=encoders,
             out=out,
             verilog=verilog,
             pins=pins,

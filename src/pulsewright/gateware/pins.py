@@ -20,8 +20,12 @@ from pulsewright.errors import UsageError
 
 PinMap = dict[str, tuple[str | None, ...]]
 
-# The host's bus, EPP or serial: without it a board is of no use.
-BUS: Final = ("data", "nwrite", "ndatastr", "naddrstr", "nwait", "avr_tx", "avr_rx")
+# The host's bus, EPP, serial or SPI: without it a board is of no use.
+BUS: Final = (
+    *("data", "nwrite", "ndatastr", "naddrstr", "nwait"),
+    *("avr_tx", "avr_rx"),
+    *("cs", "sck", "copi", "cipo"),
+)
 # Where the serial bus is on platforms with a serial port at their USB; nothing else may go there.
 SERIAL: Final = {"avr_tx": "uart_0:rx", "avr_rx": "uart_0:tx"}
 # Inputs that stop the machine when their wire breaks, so they need a wire.
@@ -29,7 +33,9 @@ SAFETY: Final = ("estop_chain",)
 # Inputs that must not read 1 while they are open: no pull-up.
 ACTIVE_HIGH: Final = (*SAFETY, "intr_i")
 # One pin per axis; the first two that a board has make it move.
-AXIS: Final = ("step", "dir", "a", "b", "index", "mot_step", "mot_dir", "mot_enable")
+AXIS: Final = ("step", "dir", "a", "b", "index", "en", "mot_step", "mot_dir", "mot_enable")
+# Inputs of encoders where there may be more or fewer of them than axes; they take pins in pairs.
+PAIRED: Final = ("enc_a", "enc_b")
 # At pins only if a map says so: the reset of the host, what links several boards, and the direction
 # of a level shifter for the data.
 UNUSED: Final = (
@@ -52,18 +58,22 @@ class Pad:
         ``i``, ``o`` or ``io``.
     high_z : bool
         Not driven while the component's ``tristate`` is 1.
+    enabled : bool
+        An output that is driven while the component's output ``<name>_oe`` is 1.
     """
 
     name: str
     width: int
     direction: Literal["i", "o", "io"]
     high_z: bool = False
+    enabled: bool = False
 
 
 def pads(component: Component) -> dict[str, Pad]:
     """Return the pads that the ports of a component make.
 
-    ``x_i``, ``x_o`` and ``x_oe`` make the bidirectional pad ``x``, and ``x_oe`` one of its own. A
+    ``x_i``, ``x_o`` and ``x_oe`` make the bidirectional pad ``x``, and ``x_oe`` one of its own; ``x``
+    and ``x_oe`` make an output ``x`` that is let go of. A
     ``tristate`` output makes no pad: it lets go of all outputs that do not belong to the bus.
     """
     ports = {
@@ -77,9 +87,9 @@ def pads(component: Component) -> dict[str, Pad]:
             found.setdefault(stem, Pad(stem, width, "io"))
         elif flow is Flow.In:
             found[name] = Pad(name, width, "i")
-        elif name != "tristate":
+        elif name != "tristate" and not (suffix == "oe" and stem in ports):
             high_z = "tristate" in ports and name not in (*BUS, *UNUSED)
-            found[name] = Pad(name, width, "o", high_z)
+            found[name] = Pad(name, width, "o", high_z, f"{name}_oe" in ports)
     return found
 
 
@@ -137,7 +147,14 @@ def default_map(
     order = bus + [(name, axis) for axis in range(axes) for name in mine]
     rest = [name for name in pads if name not in (*BUS, *SAFETY, *AXIS, *UNUSED)]
     outputs_first = sorted(rest, key=lambda name: pads[name].direction == "i")
-    order += [(name, bit) for name in outputs_first for bit in range(pads[name].width)]
+    order += [
+        (name, bit)
+        for name in outputs_first
+        if name not in PAIRED
+        for bit in range(pads[name].width)
+    ]
+    pairs = [name for name in outputs_first if name in PAIRED]
+    order += [(name, bit) for bit in range(pads[pairs[0]].width) for name in pairs] if pairs else []
     found: dict[str, list[str | None]] = {name: [pin] for name, pin in wired.items()}
     for (name, _), pin in zip(order, pins, strict=False):
         found.setdefault(name, []).append(pin)

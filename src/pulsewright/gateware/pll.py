@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 from typing import Final, Literal
 
 from pulsewright.errors import UsageError
@@ -39,6 +40,8 @@ class Pll:
         Divider between oscillator and output.
     ring : int
         Divider in logic behind the PLL; 1 for none.
+    second : int
+        ECP5: divider between oscillator and a second output, which is the one used; 0 for none.
     """
 
     family: Family
@@ -47,6 +50,7 @@ class Pll:
     multiplier: int
     output: int
     ring: int = 1
+    second: int = 0
 
     @property
     def detector_hz(self) -> Fraction:
@@ -62,7 +66,7 @@ class Pll:
     @property
     def output_hz(self) -> Fraction:
         """Frequency of the PLL [Hz]."""
-        return self.oscillator_hz / self.output
+        return self.oscillator_hz / (self.second or self.output)
 
     @property
     def clock_hz(self) -> Fraction:
@@ -79,7 +83,10 @@ class Pll:
         text = f"{_mhz(self.reference_hz)}"
         if self.reference > 1:
             text += f" / {self.reference}"
-        text += f" x {self.multiplier}"
+        if self.second:
+            text += f" x {self.multiplier * self.output} / {self.second}"
+        else:
+            text += f" x {self.multiplier}"
         if self.family == "ice40":
             text += f" / {self.output}"
         if self.ring > 1:
@@ -139,6 +146,13 @@ def _ecp5(reference_hz: int, clock_hz: int) -> Pll | None:
         pll = Pll("ecp5", reference_hz, reference, int(multiplier), output)
         if _within(pll.detector_hz, _ECP5_PFD) and _within(pll.oscillator_hz, _ECP5_VCO):
             return pll
+    # A second output, which is not fed back, can have a fraction of the oscillator.
+    references = range(1, reference_hz // _ECP5_PFD[0] + 1)
+    for reference, multiplier, output in product(references, range(1, 81), range(1, 129)):
+        oscillator = Fraction(reference_hz * multiplier * output, reference)
+        second = oscillator / clock_hz
+        if _within(oscillator, _ECP5_VCO) and second.denominator == 1 and second <= 128:
+            return Pll("ecp5", reference_hz, reference, multiplier, output, second=int(second))
     return None
 
 

@@ -107,7 +107,7 @@ class Pads(Elaboratable):
             m.d.comb += self._bit(pad, bit, "i").eq(buffer.i)
         if pad.direction != "i":
             m.d.comb += buffer.o.eq(self._bit(pad, bit, "o"))
-        if pad.direction == "io":
+        if pad.direction == "io" or pad.enabled:
             m.d.comb += buffer.oe.eq(getattr(self._component, f"{pad.name}_oe"))
         elif pad.high_z:
             m.d.comb += buffer.oe.eq(~self._component.tristate)
@@ -184,10 +184,22 @@ class Top(Elaboratable):
             "i", platform.request(platform.default_clk, dir="-")
         )
         locked, seen, released = Signal(), Signal(), Signal()
+        feedback, second = clock, {}
+        if pll.second:
+            feedback = Signal()
+            second = {
+                "a_FREQUENCY_PIN_CLKOS": f"{float(pll.clock_hz) / 1e6:g}",
+                "p_CLKOS_DIV": pll.second,
+                "p_CLKOS_CPHASE": pll.second - 1,
+                "p_CLKOS_FPHASE": 0,
+                "p_CLKOS_ENABLE": "ENABLED",
+                "i_ENCLKOS": Const(0),
+                "o_CLKOS": clock,
+            }
         m.submodules.pll = Instance(
             "EHXPLLL",
             a_FREQUENCY_PIN_CLKI=f"{pll.reference_hz / 1e6:g}",
-            a_FREQUENCY_PIN_CLKOP=f"{float(pll.clock_hz) / 1e6:g}",
+            a_FREQUENCY_PIN_CLKOP=f"{float(pll.oscillator_hz / pll.output) / 1e6:g}",
             a_ICP_CURRENT="12",
             a_LPF_RESISTOR="8",
             a_MFG_ENABLE_FILTEROPAMP="1",
@@ -205,7 +217,7 @@ class Top(Elaboratable):
             p_STDBY_ENABLE="DISABLED",
             p_DPHASE_SOURCE="DISABLED",
             i_CLKI=pin.i,
-            i_CLKFB=clock,
+            i_CLKFB=feedback,
             i_RST=Const(0),
             i_STDBY=Const(0),
             i_PHASESEL0=Const(0),
@@ -215,8 +227,9 @@ class Top(Elaboratable):
             i_PHASELOADREG=Const(1),
             i_PLLWAKESYNC=Const(0),
             i_ENCLKOP=Const(0),
-            o_CLKOP=clock,
+            o_CLKOP=feedback,
             o_LOCK=locked,
+            **second,
         )
         # The global reset must not reset what releases it.
         for n, (d, q) in enumerate(((locked, seen), (seen, released))):

@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# A build asks gateware for its ports before it chooses what to make.
 """RAPcores: buffered moves of several motors behind SPI."""
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from pulsewright.boards.rapcores.registers import (
 )
 
 if TYPE_CHECKING:
-    from pulsewright.boards.board import Load, Replay
+    from pulsewright.boards.golden import Recordings
     from pulsewright.boards.rapcores.driver import RapcoresDriver
     from pulsewright.boards.rapcores.gateware import Rapcores
     from pulsewright.boards.rapcores.player import RapcoresPlayer
@@ -51,7 +53,8 @@ def _rtl(profile: str = DEFAULT_PROFILE, **options: Any) -> RtlSpiBoard:
 def _gateware(profile: str = DEFAULT_PROFILE, axes: int | None = None, **options: Any) -> Rapcores:
     from pulsewright.boards.rapcores.gateware import Rapcores
 
-    return Rapcores(profile, **({"motors": MOTORS if axes is None else axes} | options))
+    motors = MOTORS if axes is None else axes
+    return Rapcores(profile, **({"motors": motors, "encoders": motors} | options))
 
 
 def _driver(bus: SpiBus, profile: str = DEFAULT_PROFILE, **options: int) -> RapcoresDriver:
@@ -70,10 +73,10 @@ def _parameters_for(motors: int) -> dict[str, int]:
     return {"motors": min(max(motors, MOTORS), MAX_MOTORS)}
 
 
-def _recordings() -> tuple[Load, Replay]:
-    from pulsewright.boards.rapcores.golden import load, replay
+def _recordings() -> Recordings[Any]:
+    from pulsewright.boards.rapcores.golden import RECORDINGS
 
-    return load, replay
+    return RECORDINGS
 
 
 BOARD: Final = Board(
@@ -94,5 +97,7 @@ BOARD: Final = Board(
     digital_outputs=False,
     parameters=PARAMETERS,
     parameters_for=_parameters_for,
+    # a bitstream has one adder for all motors
+    sizes={"ice40": {"shared_dda": 1}, "ecp5": {"shared_dda": 1}},
     recordings=_recordings,
 )

@@ -14,6 +14,7 @@ from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.gateware_document import DocumentCore
 from pulsewright.boards.rapcores.gateware_original import OriginalCore
+from pulsewright.boards.rapcores.gateware_shared import cycles
 from pulsewright.errors import UsageError
 
 BUS = ("cs", "sck", "copi")
@@ -43,10 +44,10 @@ class Rapcores(Component):
         1: HALT is there. 0: the pin does nothing.
     position_bits : int
         Of encoder positions, 32, or 24 in profile ``v020``.
-    dda : str
-        ``parallel``: each motor has arithmetic of its own. ``shared``, in profile ``document``: one
-        adder for all, at a fraction of the logic. Every clock is the same for dividers of
-        `min_divider` and more; with smaller ones a tick waits until it is worked out.
+    shared_dda : int
+        1, in profile ``document``: one adder for the DDAs of all motors, at a fraction of the
+        logic. Every clock is the same for dividers of `min_divider` and more; with smaller ones a
+        tick waits until it is worked out. 0: each motor has arithmetic of its own.
     **switches : int
         Profile switches that differ from the profile.
 
@@ -83,7 +84,7 @@ class Rapcores(Component):
         depth: int = reg.DEPTH,
         halt_pin: int = 1,
         position_bits: int = reg.POSITION_BITS,
-        dda: str = "parallel",
+        shared_dda: int = 0,
         **switches: int,
     ) -> None:
         self.switches = resolve_switches(reg.MAP, profile, switches)
@@ -99,8 +100,9 @@ class Rapcores(Component):
         _check("position_bits", position_bits, allowed)
         if self.switches["v020_info"]:  # its replies have 64 bits
             _check("word_bits, with v020_info,", word_bits, (reg.WORD_BITS,))
-        _check("dda", dda, ("parallel", "shared") if document else ("parallel",))
-        self._profile, self._position_bits, self._dda = profile, position_bits, dda
+        _check("shared_dda", shared_dda, range(2))
+        self._profile, self._position_bits = profile, position_bits
+        self._shared_dda = bool(shared_dda)
         self._motors, self._encoders = motors, encoders
         self._word_bits, self._depth, self._halt_pin = word_bits, depth, bool(halt_pin)
         ports: dict[str, Member] = {name: In(1) for name in ("rst_n", *BUS, "halt")}
@@ -109,6 +111,12 @@ class Rapcores(Component):
         ports |= {name: Out(1) for name in ("cipo", "cipo_oe", "buffer_dtr", "move_done")}
         ports |= {name: Out(motors) for name in MOTOR_OUTPUTS}
         super().__init__(ports)
+
+    @property
+    def min_divider(self) -> int:
+        """Smallest value of the clock divider that is as in the specification."""
+        shared = self._shared_dda and self._profile == "document"
+        return cycles(self._motors, self._word_bits) - 1 if shared else 0
 
     @property
     def input_pins(self) -> dict[str, tuple[str, int]]:
@@ -166,7 +174,7 @@ class Rapcores(Component):
             halt_pin=self._halt_pin,
             cs_reset_message=bool(self.switches["cs_reset_message"]),
             v020_info=bool(self.switches["v020_info"]),
-            shared=self._dda == "shared",
+            shared=self._shared_dda,
         )
 
 

@@ -41,6 +41,16 @@ def test_spindle_and_coolant_are_outputs_switched_at_their_time(tmp_path):
     assert steps[3199] < spindle_off[0] < steps[3200]
 
 
+def test_a_board_without_outputs_runs_and_says_what_it_did_not_switch(tmp_path):
+    part = job(tmp_path, "M3 S1000 M8\nG1 X1 F600\nM5 M9\nM2\n")
+    result = part.run(board="rapcores", out=tmp_path / "out")
+    assert result.passed
+    assert result.not_switched == ("flood", "spindle")
+    assert "no digital outputs: the program's flood, spindle was not switched" in result.text()
+    assert "not switched, for want of outputs" in (tmp_path / "out/report.html").read_text()
+    assert part.run(board="pluto_step").not_switched == ()
+
+
 def test_an_estop_in_the_middle_ends_the_job_and_leaves_nothing(tmp_path, monkeypatch):
     from pulsewright.boards.usc.player import UscPlayer
 

@@ -374,7 +374,7 @@ class _Outputs:
         self._wired = wired
         waiting = [(float(begin[e.at]), e) for e in program.events if e.kind in wired]
         self._waiting = [] if driver is None else waiting
-        kinds = {event.kind for _, event in waiting}
+        kinds = {event.kind for _, event in waiting if event.value}
         self.not_switched = tuple(sorted(kinds)) if driver is None else ()
         self.times = [when for when, _ in self._waiting]
 

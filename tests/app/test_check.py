@@ -25,10 +25,11 @@ def test_the_recordings_of_a_board_pass_on_its_twin():
 
 def test_a_difference_fails_and_is_named(monkeypatch):
     room = boards.get("pluto_step")
-    load, replay = room.recordings()
-    other = load(GOLDEN / "pluto_step" / "p01_powerup_idle.npz")
+    recordings = room.recordings()
+    other = recordings.load(GOLDEN / "pluto_step" / "p01_powerup_idle.npz")
+    engines = {"twin": lambda recording: recordings.replay(other, "twin")}
     wrong = dataclasses.replace(
-        room, recordings=lambda: (load, lambda recording, engine: replay(other, engine))
+        room, recordings=lambda: dataclasses.replace(recordings, engines=engines)
     )
     monkeypatch.setitem(boards.BOARDS, "pluto_step", wrong)
     report = check("pluto_step", [GOLDEN / "pluto_step" / "p02_dio.npz"])

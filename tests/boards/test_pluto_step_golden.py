@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pulsewright.boards.pluto_step.golden import load, replay
+from pulsewright.boards.pluto_step.golden import RECORDINGS, load
 from pulsewright.boards.pluto_step.twin import BOARD_OUTPUTS, PlutoStepTwin
 from pulsewright.errors import UsageError
 from pulsewright.transport.bus import (
@@ -31,14 +31,14 @@ def test_all_nine_recordings_are_here():
 @each_recording
 def test_every_pin_changes_at_its_cycle(path):
     golden = load(path)
-    assert golden.expected.first_difference(replay(golden, "twin")) is None
+    assert golden.expected.first_difference(RECORDINGS.replay(golden, "twin")) is None
     assert sum(map(len, golden.expected.cycles)) > 80
 
 
 @each_recording
 def test_every_transaction_at_the_pins_has_its_times_and_its_byte(path):
     """The host's record of each bus cycle, against the pins of the twin."""
-    trace = replay(load(path), "twin")
+    trace = RECORDINGS.replay(load(path), "twin")
     txn = np.load(path)["txn"]
     assert trace.edges("nwait", 0).tolist() == txn["wait_low"].tolist()
     assert trace.edges("nwait", 1).tolist() == txn["wait_high"].tolist()
@@ -80,7 +80,7 @@ def test_a_difference_is_found_and_named():
     low_byte = np.flatnonzero(golden.pin == "data")[1]
     assert data[low_byte] == 1
     data[low_byte] = 2
-    wrong = replay(dataclasses.replace(golden, level=data), "twin")
+    wrong = RECORDINGS.replay(dataclasses.replace(golden, level=data), "twin")
     assert golden.expected.first_difference(wrong).startswith(
         "change 0 of out0 happens at cycle 110"
     )
@@ -93,4 +93,4 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(UsageError, match="format usc-golden-7, expected pluto-golden-1"):
         load(tmp_path / "other.npz")
     with pytest.raises(UsageError, match="no engine 'fpga'; it has twin, rtl"):
-        replay(load(GOLDEN / "p02_dio.npz"), "fpga")
+        RECORDINGS.replay(load(GOLDEN / "p02_dio.npz"), "fpga")

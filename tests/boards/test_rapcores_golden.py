@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from pulsewright.app.check import check
-from pulsewright.boards.rapcores.golden import POSITIONS, load, replay
+from pulsewright.boards.rapcores.golden import POSITIONS, RECORDINGS, load
 from pulsewright.boards.rapcores.twin import RapcoresTwin
 from pulsewright.errors import UsageError
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "rapcores"
-RECORDINGS = sorted(GOLDEN.glob("*.jsonl.gz"))
+PATHS = sorted(GOLDEN.glob("*.jsonl.gz"))
 MIN_HALF = 6  # half period of SCK from which on replies are in time
 
 
@@ -25,7 +25,7 @@ def path_of(name):
 def test_all_43_recordings_pass_the_check():
     report = check("rapcores", [GOLDEN])
     assert report.passed, report.text()
-    assert len(report.replays) == len(RECORDINGS) == 43
+    assert len(report.replays) == len(PATHS) == 43
     # README beside the recordings: cycles and words
     first = next(
         replay for replay in report.replays if replay.recording == "head__s05_buffered_chain"
@@ -47,7 +47,7 @@ def frames(golden):
         yield fall, rise, [word for word in words if fall < word.cycle < rise]
 
 
-@pytest.mark.parametrize("path", RECORDINGS, ids=lambda p: p.name.partition(".")[0])
+@pytest.mark.parametrize("path", PATHS, ids=lambda p: p.name.partition(".")[0])
 def test_words_sent_as_such_get_the_recorded_replies(path):
     """Where a frame has the timing of `transfer`; the others are given to the pins."""
     golden = load(path)
@@ -83,11 +83,11 @@ def test_a_difference_is_found_and_named():
     wrong = dataclasses.replace(
         golden, cycle=golden.cycle[quiet], pin=golden.pin[quiet], level=golden.level[quiet]
     )
-    assert "and never" in golden.expected.first_difference(replay(wrong, "twin"))
+    assert "and never" in golden.expected.first_difference(RECORDINGS.replay(wrong, "twin"))
     positions = list(load(path_of("head__s03_single_move")).probe)
     positions[5] = (positions[5][0] + 1, positions[5][1])
     moved = dataclasses.replace(load(path_of("head__s03_single_move")), probe=tuple(positions))
-    assert "positions" in moved.expected.first_difference(replay(moved, "twin"))
+    assert "positions" in moved.expected.first_difference(RECORDINGS.replay(moved, "twin"))
 
 
 def test_what_is_unknown_is_not_compared():
@@ -95,7 +95,7 @@ def test_what_is_unknown_is_not_compared():
     golden = load(path_of("head__s04_signed_4axis"))
     assert all(len(golden.expected[f"step{i}"]) == 0 for i in range(4))
     other = dataclasses.replace(golden, switches={"fixed": 1})
-    seen = replay(other, "twin")
+    seen = RECORDINGS.replay(other, "twin")
     assert all(len(seen[f"step{i}"]) == 0 for i in range(4))
 
 
@@ -108,4 +108,4 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(UsageError, match="format else, expected pulsewright-rapcores-golden/1"):
         load(other)
     with pytest.raises(UsageError, match="no engine 'fpga'; it has twin, rtl"):
-        replay(load(path_of("head__s01_status_reads")), "fpga")
+        RECORDINGS.replay(load(path_of("head__s01_status_reads")), "fpga")

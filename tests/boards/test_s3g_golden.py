@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pulsewright.boards.s3g.golden import changes, load, replay
+from pulsewright.boards.s3g.golden import RECORDINGS, changes, load
 from pulsewright.boards.s3g.twin import S3GTwin
 from pulsewright.errors import UsageError
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "s3g"
-RECORDINGS = sorted(GOLDEN.glob("*.npz"))
-each_recording = pytest.mark.parametrize("path", RECORDINGS, ids=lambda p: p.stem)
-MOVING = [path for path in RECORDINGS if "st__dc" in np.load(path).files]
+PATHS = sorted(GOLDEN.glob("*.npz"))
+each_recording = pytest.mark.parametrize("path", PATHS, ids=lambda p: p.stem)
+MOVING = [path for path in PATHS if "st__dc" in np.load(path).files]
 ASG_STATES = ["idle", "working", "wait", "abort"]
 RESET_FAST_LAST = 54_827  # cycle of that rise
 VALID_FAST = 157  # cycles from a start bit to the valid pulse of its byte, at 16 cycles a bit
@@ -27,13 +27,13 @@ def started(golden):
 
 
 def test_all_37_recordings_are_here():
-    assert len(RECORDINGS) == 37
+    assert len(PATHS) == 37
 
 
 @each_recording
 def test_every_pin_changes_at_its_cycle(path):
     golden = load(path)
-    assert golden.expected.first_difference(replay(golden, "twin")) is None
+    assert golden.expected.first_difference(RECORDINGS.replay(golden, "twin")) is None
     assert sum(map(len, golden.expected.cycles)) > 400
 
 
@@ -118,7 +118,7 @@ def test_a_difference_is_found_and_named():
     golden = load(GOLDEN / "reset_fast.npz")
     level = golden.level.copy()
     level[np.flatnonzero(golden.pin == "rst_n")[-1]] = 0
-    wrong = replay(dataclasses.replace(golden, level=level), "twin")
+    wrong = RECORDINGS.replay(dataclasses.replace(golden, level=level), "twin")
     falls = golden.expected.edges("avr_rx", 0)
     first = falls[falls > RESET_FAST_LAST][0]
     difference = golden.expected.first_difference(wrong)
@@ -132,4 +132,4 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(UsageError, match=r"other\.npz: not a recording of s3g"):
         load(tmp_path / "other.npz")
     with pytest.raises(UsageError, match="no engine 'fpga'; it has twin, rtl"):
-        replay(load(GOLDEN / "reset_fast.npz"), "fpga")
+        RECORDINGS.replay(load(GOLDEN / "reset_fast.npz"), "fpga")

@@ -100,7 +100,7 @@ def check(
     room = boards.get(board)
     if room.recordings is None:
         raise UsageError(f"{board}: there are no recordings of its original to replay")
-    load, replay = room.recordings()
+    recordings = room.recordings()
     files = [file for path in golden for file in _files(Path(path))]
     if not files:
         raise UsageError(f"check {board}: no recordings given; name files or folders with --golden")
@@ -108,9 +108,9 @@ def check(
     replays = []
     for n, (file, name) in enumerate(jobs):
         progress("check", n / len(jobs))
-        recording = load(file)
+        recording = recordings.load(file)
         start = time.perf_counter()
-        seen = replay(recording, name)
+        seen = recordings.replay(recording, name)
         seconds = time.perf_counter() - start
         expected = recording.expected
         replays.append(

@@ -10,13 +10,7 @@ from pulsewright.errors import UsageError
 from pulsewright.registers.model import RegisterMap
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pulsewright.boards.golden import Golden
-    from pulsewright.edges.trace import EdgeTrace
-
-    Load = Callable[[Path | str], Golden]
-    Replay = Callable[[Golden, str], EdgeTrace]
+    from pulsewright.boards.golden import Recordings
 
 
 @dataclass(frozen=True)
@@ -69,9 +63,7 @@ class Board:
     parameters_for : callable
         ``parameters_for(motors)`` returns those of a board that can drive so many motors.
     recordings : callable, optional
-        ``recordings()`` returns two functions for recordings of the original controller:
-        ``load(path)`` gives a `Golden`, ``replay(golden, engine)`` what an engine (``twin``,
-        ``rtl``) makes of its inputs, an `EdgeTrace`.
+        ``recordings()`` returns what reads and replays recordings of the original controller.
     """
 
     name: str
@@ -93,7 +85,7 @@ class Board:
     parameters_for: Callable[[int], dict[str, int]] = lambda motors: {}
     digital_outputs: bool = True
     sizes: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
-    recordings: Callable[[], tuple[Load, Replay]] | None = None
+    recordings: Callable[[], Recordings[Any]] | None = None
 
     def switches(self, profile: str | None = None, **changes: int) -> dict[str, int]:
         """Return the switches of a profile (None: the default one), with ``changes`` made.

@@ -10,7 +10,7 @@ from pulsewright.boards.board import Board
 from pulsewright.boards.pluto_step.registers import DEFAULT_PROFILE, PROFILES
 
 if TYPE_CHECKING:
-    from pulsewright.boards.board import Load, Replay
+    from pulsewright.boards.golden import Recordings
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
     from pulsewright.boards.pluto_step.gateware import PlutoStep
     from pulsewright.boards.pluto_step.player import PlutoStepPlayer
@@ -67,10 +67,10 @@ def _player(driver: PlutoStepDriver, trajectory: Trajectory, **limits: Any) -> P
     return PlutoStepPlayer(driver, trajectory, **limits)
 
 
-def _recordings() -> tuple[Load, Replay]:
-    from pulsewright.boards.pluto_step.golden import load, replay
+def _recordings() -> Recordings[Any]:
+    from pulsewright.boards.pluto_step.golden import RECORDINGS
 
-    return load, replay
+    return RECORDINGS
 
 
 BOARD: Final = Board(

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pulsewright.boards.golden import Golden
+from pulsewright.boards.golden import Golden, Recordings, Words, changes_of_words
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import UsageError
 
@@ -50,8 +48,6 @@ OUTPUT_PORTS: Final = (
 HIGH_Z: Final = 0x7FFFFF  # of an output word, while tristate
 DATA: Final = 0xFF << 27  # while not driven
 
-Words = NDArray[np.int64]
-
 
 def load(path: Path | str) -> Golden:
     """Read a recording.
@@ -66,8 +62,11 @@ def load(path: Path | str) -> Golden:
             meta = json.loads(str(data["meta"]))
             if meta["format"] != FORMAT:
                 raise UsageError(f"{path}: format {meta['format']}, expected {FORMAT}")
-            cycle, pin, level = _stimulus(
-                np.cumsum(data["in_delta"], dtype=np.int64), data["in_word"].astype(np.int64)
+            cycle, pin, level = changes_of_words(
+                INPUTS,
+                np.cumsum(data["in_delta"], dtype=np.int64),
+                data["in_word"].astype(np.int64),
+                IDLE,
             )
             return Golden(
                 name=meta["name"],
@@ -87,26 +86,6 @@ def load(path: Path | str) -> Golden:
         if isinstance(error, UsageError):
             raise
         raise UsageError(f"{path}: not a recording of pluto-step ({error})") from error
-
-
-def replay(golden: Golden, engine: str) -> EdgeTrace:
-    """Give the inputs of a recording to an engine; return every change of its output pins.
-
-    Parameters
-    ----------
-    golden : Golden
-        From `load`.
-    engine : str
-        ``twin``, or ``rtl``: the gateware in a simulator.
-
-    Raises
-    ------
-    UsageError
-        If the engine is unknown or cannot be run here.
-    """
-    if engine not in ENGINES:
-        raise UsageError(f"pluto_step has no engine '{engine}'; it has {', '.join(ENGINES)}")
-    return ENGINES[engine](golden)
 
 
 def _replay_twin(golden: Golden) -> EdgeTrace:
@@ -141,36 +120,15 @@ def replay_on(simulation: RtlSimulation, golden: Golden) -> EdgeTrace:
     return _trace(golden.expected.clock_hz, golden.expected.end, rows["cycle"], word)
 
 
-ENGINES: Final[dict[str, Callable[[Golden], EdgeTrace]]] = {
-    "twin": _replay_twin,
-    "rtl": _replay_rtl,
-}
-
-
-def _stimulus(at: Words, word: Words) -> tuple[Words, NDArray[np.str_], Words]:
-    """Return the changes of the input pins as columns, by cycle."""
-    words = np.concatenate([[IDLE], word])
-    cycle, pin, level = [], [], []
-    for number, (_, lsb, width) in enumerate(INPUTS):
-        value = words >> lsb & ((1 << width) - 1)
-        rows = np.flatnonzero(np.diff(value))
-        cycle.append(at[rows])
-        pin.append(np.full(len(rows), number))
-        level.append(value[1:][rows])
-    cycles, pins, levels = (np.concatenate(column) for column in (cycle, pin, level))
-    order = np.argsort(cycles, kind="stable")
-    names = np.array([name for name, _, _ in INPUTS])
-    return cycles[order], names[pins[order]], levels[order]
+RECORDINGS: Final = Recordings("pluto_step", load, {"twin": _replay_twin, "rtl": _replay_rtl})
 
 
 def _input_words(golden: Golden) -> tuple[Words, Words]:
-    """Return cycles and input words, from cycle 0 on; the inverse of `_stimulus`."""
+    """Return cycles and input words, from cycle 0 on; the inverse of `changes_of_words`."""
     at = np.unique(np.concatenate([[0], golden.cycle]))
     words = np.zeros(len(at), np.int64)
     for name, lsb, width in INPUTS:
-        mine = golden.pin == name
-        level = np.concatenate([[IDLE >> lsb & ((1 << width) - 1)], golden.level[mine]])
-        words |= level[np.searchsorted(golden.cycle[mine], at, side="right")] << lsb
+        words |= golden.levels(name, IDLE >> lsb & ((1 << width) - 1), at) << lsb
     return at, words
 
 

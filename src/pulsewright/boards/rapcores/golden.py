@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import gzip
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards.golden import Golden
+from pulsewright.boards.golden import Golden, Recordings, Words, changes_of_words
 from pulsewright.boards.rapcores.registers import CLOCK_HZ, RESET_CYCLES
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import UsageError
@@ -45,8 +45,6 @@ OUTPUTS: Final = (
 )
 IDLE: Final = 1 << 10  # input word at first
 POSITIONS: Final = "positions"  # toggles where the recorded accumulators change
-
-Words = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -141,27 +139,6 @@ def load(path: Path | str) -> RapcoresGolden:
         raise UsageError(f"{path}: not a recording of rapcores ({error})") from error
 
 
-def replay(golden: Golden, engine: str) -> EdgeTrace:
-    """Give the inputs of a recording to an engine; return every change of its output pins.
-
-    Parameters
-    ----------
-    golden : RapcoresGolden
-        From `load`.
-    engine : str
-        ``twin``, or ``rtl``: the gateware in a simulator, which does not show positions.
-
-    Raises
-    ------
-    UsageError
-        If the engine is unknown or cannot be run here.
-    """
-    if engine not in ENGINES:
-        raise UsageError(f"rapcores has no engine '{engine}'; it has {', '.join(ENGINES)}")
-    assert isinstance(golden, RapcoresGolden)
-    return ENGINES[engine](golden)
-
-
 def _replay_twin(golden: RapcoresGolden) -> EdgeTrace:
     from pulsewright.boards.rapcores.twin import RapcoresTwin
 
@@ -201,9 +178,7 @@ def replay_on(simulation: RtlSimulation, golden: RapcoresGolden) -> EdgeTrace:
     for pin in ("rst_n", "halt"):
         stimulus[pin] = 1
     for pin, _ in INPUTS:
-        mine = golden.pin == pin
-        level = np.concatenate([[int(pin == "cs")], golden.level[mine]])
-        now = level[np.searchsorted(golden.cycle[mine], at, side="right")].astype(np.uint64)
+        now = golden.levels(pin, int(pin == "cs"), at).astype(np.uint64)
         port, bit = _port(pin)
         stimulus[port] |= (now << np.uint64(bit)).astype(stimulus[port].dtype)
     rows = simulation.run(golden.expected.end, stimulus)
@@ -237,10 +212,7 @@ def compared(seen: EdgeTrace, golden: RapcoresGolden, moved: Words | None) -> Ed
     return _trace(golden.expected.pins, levels, golden.expected.end)
 
 
-ENGINES: Final[dict[str, Callable[[RapcoresGolden], EdgeTrace]]] = {
-    "twin": _replay_twin,
-    "rtl": _replay_rtl,
-}
+RECORDINGS: Final = Recordings("rapcores", load, {"twin": _replay_twin, "rtl": _replay_rtl})
 
 
 def _port(pin: str) -> tuple[str, int]:
@@ -284,18 +256,8 @@ def _columns(entries: list[list[int]]) -> tuple[tuple[int, ...], ...]:
 def _stimulus(entries: list[list[int]], cycles: int) -> tuple[Words, NDArray[np.str_], Words]:
     """Return the changes of the input pins as columns, by cycle."""
     at, words = (np.array(column, np.int64) for column in _columns(entries))
-    at, words = at[at < cycles], words[at < cycles]
-    cycle, pin, level = [], [], []
-    for number, (_, bit) in enumerate(INPUTS):
-        value = np.concatenate([[IDLE >> bit & 1], words >> bit & 1])
-        rows = np.flatnonzero(np.diff(value))
-        cycle.append(at[rows])
-        pin.append(np.full(len(rows), number))
-        level.append(value[1:][rows])
-    all_cycles, pins, levels = (np.concatenate(column) for column in (cycle, pin, level))
-    order = np.argsort(all_cycles, kind="stable")
-    names = np.array([name for name, _ in INPUTS])
-    return all_cycles[order], names[pins[order]], levels[order]
+    fields = ((name, bit, 1) for name, bit in INPUTS)
+    return changes_of_words(fields, at[at < cycles], words[at < cycles], IDLE)
 
 
 def _probe(entries: list[list[Any]]) -> list[tuple[int, tuple[int, ...]]]:

@@ -16,7 +16,7 @@ from pulsewright.boards.s3g.registers import (
 )
 
 if TYPE_CHECKING:
-    from pulsewright.boards.board import Load, Replay
+    from pulsewright.boards.golden import Recordings
     from pulsewright.boards.rtl_serial import RtlSerialBoard
     from pulsewright.boards.s3g.driver import S3GDriver
     from pulsewright.boards.s3g.gateware import S3G
@@ -88,10 +88,10 @@ def _parameters_for(motors: int) -> dict[str, int]:
     return {"channels": min(max(motors, CHANNELS), MAX_CHANNELS)}
 
 
-def _recordings() -> tuple[Load, Replay]:
-    from pulsewright.boards.s3g.golden import load, replay
+def _recordings() -> Recordings[Any]:
+    from pulsewright.boards.s3g.golden import RECORDINGS
 
-    return load, replay
+    return RECORDINGS
 
 
 BOARD: Final = Board(

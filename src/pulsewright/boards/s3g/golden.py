@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pulsewright.boards.golden import Golden
+from pulsewright.boards.golden import Golden, Recordings, Words, stimulus
 from pulsewright.boards.s3g.registers import CHANNELS
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import UsageError
@@ -29,8 +27,6 @@ OUTPUTS: Final = (
     *(f"mot{c}_{pin}" for c in range(CHANNELS) for pin in MOTOR),
     *("avr_rx", "ext_rx"),
 )
-
-Words = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -67,7 +63,7 @@ def load(path: Path | str) -> S3GGolden:
     try:
         with np.load(path, allow_pickle=False) as data:
             meta = json.loads(bytes(data["meta"]))
-            cycle, pin, level = _stimulus(data)
+            cycle, pin, level = stimulus((pin, *changes(data, f"in_{pin}")) for pin in INPUTS)
             return S3GGolden(
                 name=meta["name"],
                 description=meta["doc"],
@@ -91,27 +87,6 @@ def changes(data: Any, name: str) -> tuple[Words, Words]:
     return np.cumsum(data[f"{name}__dc"], dtype=np.int64), data[f"{name}__v"].astype(np.int64)
 
 
-def replay(golden: Golden, engine: str) -> EdgeTrace:
-    """Give the inputs of a recording to an engine; return every change of its output pins.
-
-    Parameters
-    ----------
-    golden : S3GGolden
-        From `load`.
-    engine : str
-        ``twin``, or ``rtl``: the gateware in a simulator.
-
-    Raises
-    ------
-    UsageError
-        If the engine is unknown or cannot be run here.
-    """
-    if engine not in ENGINES:
-        raise UsageError(f"s3g has no engine '{engine}'; it has {', '.join(ENGINES)}")
-    assert isinstance(golden, S3GGolden)
-    return ENGINES[engine](golden)
-
-
 def _replay_twin(golden: S3GGolden) -> EdgeTrace:
     from pulsewright.boards.s3g.twin import S3GTwin
 
@@ -133,22 +108,17 @@ def replay_on(simulation: RtlSimulation, golden: Golden) -> EdgeTrace:
     from pulsewright.gateware.rtl import pin_changes
 
     at = np.unique(np.concatenate([[0], golden.cycle]))
-    stimulus = np.zeros(len(at), simulation.inputs)
-    stimulus["cycle"] = at
+    inputs = np.zeros(len(at), simulation.inputs)
+    inputs["cycle"] = at
     for pin in INPUTS:
-        mine = golden.pin == pin
-        level = np.concatenate([[1], golden.level[mine]])
-        stimulus[pin] = level[np.searchsorted(golden.cycle[mine], at, side="right")]
-    rows = simulation.run(golden.expected.end, stimulus)
+        inputs[pin] = golden.levels(pin, 1, at)
+    rows = simulation.run(golden.expected.end, inputs)
     expected = golden.expected
     cycles, _ = pin_changes(rows, [_port(name) for name in OUTPUTS], expected.initial)
     return EdgeTrace(expected.clock_hz, OUTPUTS, expected.initial, cycles, 0, expected.end)
 
 
-ENGINES: Final[dict[str, Callable[[S3GGolden], EdgeTrace]]] = {
-    "twin": _replay_twin,
-    "rtl": _replay_rtl,
-}
+RECORDINGS: Final = Recordings("s3g", load, {"twin": _replay_twin, "rtl": _replay_rtl})
 
 
 def _port(pin: str) -> tuple[str, int]:
@@ -159,16 +129,6 @@ def _port(pin: str) -> tuple[str, int]:
         channel, name = pin.removeprefix("mot").split("_")
         return f"mot_{name}", int(channel)
     return pin, 0
-
-
-def _stimulus(data: Any) -> tuple[Words, NDArray[np.str_], Words]:
-    """Return the changes of the input pins as columns, by cycle."""
-    columns = [(pin, *changes(data, f"in_{pin}")) for pin in INPUTS]
-    cycles = np.concatenate([at for _, at, _ in columns])
-    names = np.concatenate([np.full(len(at), pin) for pin, at, _ in columns])
-    levels = np.concatenate([level for _, _, level in columns])
-    order = np.argsort(cycles, kind="stable")
-    return cycles[order], names[order], levels[order]
 
 
 def _expected(data: Any, clock_hz: int, end: int) -> EdgeTrace:

@@ -27,25 +27,36 @@ class Group(IntEnum):
     SPINDLE = 15
     COOLANT = 16
     OVERRIDES = 17
+    LATHE = 18
+    TOOL_NUMBER = 19
+    PINS = 20
+    STATE = 21
+    SUBPROGRAM = 22
+    SWITCHES = 23
 
+
+CYCLES: Final = frozenset((730, 740, 810, 820, 830, 840, 850, 860, 870, 880, 890))
+ARCS: Final = frozenset((20, 30))
+PROBES: Final = frozenset((382, 383, 384, 385))
 
 # G codes are keyed by ten times their number: G61.1 is 611.
 G_GROUPS: Final[dict[int, Group]] = {
     code: group
     for group, codes in {
-        Group.NON_MODAL: (40, 100, 280, 281, 300, 301, 530, 920, 921, 922, 923),
-        Group.MOTION: (0, 10, 20, 30, 800),
+        Group.NON_MODAL: (40, 100, 280, 281, 300, 301, 520, 530, 920, 921, 922, 923),
+        Group.MOTION: (0, 10, 20, 30, 330, 331, *sorted(PROBES), 760, 800, *sorted(CYCLES)),
         Group.PLANE: (170, 180, 190),
         Group.DISTANCE: (900, 910),
         Group.CENTER_DISTANCE: (901, 911),
-        Group.FEED_MODE: (930, 940),
+        Group.FEED_MODE: (930, 940, 950),
         Group.UNITS: (200, 210),
-        Group.CUTTER_COMPENSATION: (400,),
-        Group.TOOL_LENGTH: (430, 490),
+        Group.CUTTER_COMPENSATION: (400, 410, 411, 420, 421),
+        Group.TOOL_LENGTH: (430, 431, 432, 490),
         Group.RETRACT: (980, 990),
         Group.COORDINATES: (540, 550, 560, 570, 580, 590, 591, 592, 593),
         Group.PATH: (610, 611, 640),
-        Group.SPINDLE_MODE: (970,),
+        Group.SPINDLE_MODE: (960, 970),
+        Group.LATHE: (70, 80),
     }.items()
     for code in codes
 }
@@ -53,11 +64,16 @@ G_GROUPS: Final[dict[int, Group]] = {
 M_GROUPS: Final[dict[int, Group]] = {
     code: group
     for group, codes in {
-        Group.STOP: (0, 1, 2, 30),
+        Group.STOP: (0, 1, 2, 30, 60),
         Group.TOOL_CHANGE: (6,),
-        Group.SPINDLE: (3, 4, 5),
+        Group.TOOL_NUMBER: (61,),
+        Group.SPINDLE: (3, 4, 5, 19),
         Group.COOLANT: (7, 8, 9),
         Group.OVERRIDES: (48, 49),
+        Group.SWITCHES: (50, 51, 52, 53),
+        Group.PINS: (62, 63, 64, 65, 66, 67, 68),
+        Group.STATE: (70, 71, 72, 73),
+        Group.SUBPROGRAM: (98, 99),
     }.items()
     for code in codes
 }
@@ -65,32 +81,37 @@ M_GROUPS: Final[dict[int, Group]] = {
 #: Codes of the full dialect that are refused, with what they are.
 G_REFUSED: Final[dict[int, str]] = {
     **dict.fromkeys((50, 51, 52, 53), "splines"),
-    **dict.fromkeys((70, 80), "lathe diameter and radius mode"),
     **dict.fromkeys((171, 181, 191), "planes of U, V, W"),
-    **dict.fromkeys((330, 331, 760), "spindle-synchronised motion"),
-    **dict.fromkeys((382, 383, 384, 385), "probing"),
-    **dict.fromkeys((410, 411, 420, 421), "cutter compensation"),
-    **dict.fromkeys((431, 432), "dynamic tool offsets"),
-    520: "local offsets",
     **dict.fromkeys((700, 710, 711, 712, 720, 721, 722), "lathe cycles"),
-    **dict.fromkeys((730, 740, 810, 820, 830, 840, 850, 860, 870, 880, 890), "canned cycles"),
-    950: "feed per revolution",
-    960: "constant surface speed",
 }
 
-M_REFUSED: Final[dict[int, str]] = {
-    19: "spindle orientation",
-    **dict.fromkeys((50, 51, 52, 53), "override switches"),
-    60: "pallet change",
-    61: "setting the tool number",
-    **dict.fromkeys(range(62, 69), "digital and analog pins"),
-    **dict.fromkeys((70, 71, 72, 73), "saving the modal state"),
-    **dict.fromkeys((98, 99), "subroutines"),
-    **dict.fromkeys(range(100, 200), "user-defined codes"),
-}
+M_REFUSED: Final[dict[int, str]] = dict.fromkeys(range(100, 200), "user-defined codes")
+
+#: Letters that mean nothing without a code that uses them, with those G and M codes.
+USERS: Final[dict[str, tuple[frozenset[int], frozenset[int]]]] = {
+    letter: (frozenset(g), frozenset(m))
+    for letter, g, m in (
+        ("I", (20, 30, 100, 430, 431, 760, 870), ()),
+        ("J", (20, 30, 100, 430, 431, 760, 870), ()),
+        ("K", (20, 30, 330, 331, 430, 431, 760, 870), ()),
+        ("R", (20, 30, 100, 760, *CYCLES), (19,)),
+        ("P", (20, 30, 40, 100, 640, 740, 760, 820, 840, 860, 880, 890), (
+            19, 50, 51, 52, 53, 62, 63, 64, 65, 66, 98)),
+        ("Q", (100, 640, 730, 760, 830), (19, 61, 66, 67, 68)),
+        ("L", (100, 411, 421, 760, *CYCLES), (66, 98)),
+        ("H", (430, 432, 760), ()),
+        ("D", (410, 411, 420, 421, 960), ()),
+        ("E", (760,), (66, 67, 68)),
+    )
+}  # fmt: skip
 
 
 def g_name(code: int) -> str:
     """Return how a G code is written: ``G61.1`` for 611."""
     whole, tenth = divmod(code, 10)
     return f"G{whole}.{tenth}" if tenth else f"G{whole}"
+
+
+def code_name(letter: str, code: int) -> str:
+    """Return how a G or M code is written."""
+    return g_name(code) if letter == "G" else f"M{code}"

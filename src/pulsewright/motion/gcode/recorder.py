@@ -1,107 +1,319 @@
-"""What an interpreted program does, collected in columns: the interpreter's only way out."""
+"""Canonical calls collected in columns: the motion of a program for the planner."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Final, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pulsewright.motion.gcode import calls as c
+from pulsewright.motion.gcode.arcs import RESOLUTION
+from pulsewright.motion.gcode.faults import Fault
+from pulsewright.motion.gcode.offsets import Frame
 from pulsewright.motion.moves import AXES, Event, MoveKind, Moves, Plane, Program
+from pulsewright.units import MINUTE
 
-_Arc = tuple[int, Plane, Sequence[float], float]
+_EVENT_OF_SWITCH: Final = {"MIST": "mist", "FLOOD": "flood"}
+_NOWHERE: Final = (np.nan,) * len(AXES)  # a dwell stays where the move before it ended
+
+T = TypeVar("T")
 
 
 class Recorder:
     """Collects motion and events in machine coordinates [mm, degrees, s].
 
+    Ends are kept in program coordinates and turned into machine coordinates all together; a
+    program of many lines never makes an object for each of its moves.
+
     Parameters
     ----------
     start : (6,) floats
-        Position before the first move.
+        Machine position before the first move.
+    path_tolerance : float
+        How far the path may pass from a corner where the program gives no tolerance [mm].
+    exact_tolerance : float
+        How far in G61 [mm].
     """
 
-    def __init__(self, start: Sequence[float]) -> None:
-        self._start = list(start)
-        # A large program has 1e5 moves: plain columns here, what is rare beside them.
-        self._line = array("i")
-        self._end = array("d")
-        self._feed = array("d")
-        self._tolerances = [(0, 0.0)]  # from which move on
+    def __init__(
+        self, start: Sequence[float], path_tolerance: float = 0.05, exact_tolerance: float = 0.001
+    ) -> None:
+        self.line = 0
+        self.number = ""
+        self._start = [float(v) for v in start]
+        self._path_tolerance, self._exact_tolerance = path_tolerance, exact_tolerance
+        self._lines = array("i")
+        self._ends = array("d")
+        self._feeds = array("d")  # [mm/s] or infinite
+        # What changes rarely: (the first move it is for, value).
+        self._frames: list[tuple[int, Frame]] = [(0, Frame())]
+        self._feed_scales: list[tuple[int, float]] = [(0, 1.0)]
+        self._tolerances: list[tuple[int, float]] = [(0, path_tolerance)]
+        self._collapses: list[tuple[int, float]] = [(0, 0.0)]
+        self._pitches: list[tuple[int, float]] = [(0, 0.0)]
+        # What is rare: (move, value).
         self._stops: list[int] = []  # moves that end at rest, counted from 1
-        self._arcs: list[_Arc] = []
+        self._arcs: list[tuple[int, c.ArcFeed]] = []
         self._dwells: list[tuple[int, float]] = []
         self._events: list[Event] = []
+        self._frame = Frame()
+        self._feed = 0.0
+        self._rate = c.SetFeedRate(0.0, 1.0)
+        self._per_revolution = False
+        self._speed, self._direction = 0.0, 0
+        self._mode, self._tolerance = "CONTINUOUS", 0.0
+        self._pitch = 0.0
+        self._take: dict[type, Callable[[Any], None]] = {
+            c.StraightFeed: self._straight_feed,
+            c.StraightTraverse: self._straight_traverse,
+            c.TapFeed: lambda call: self._straight_feed(c.StraightFeed(call.position)),
+            c.ArcFeed: self._arc_feed,
+            c.SetFeedRate: self._set_feed_rate,
+            c.RigidTap: self._rigid_tap,
+            c.StraightProbe: self._probe,
+            c.UseLengthUnits: lambda call: self._use_frame(scale=call.scale),
+            c.SetG5xOffset: lambda call: self._use_frame(work=tuple(call.offset)),
+            c.SetG92Offset: lambda call: self._use_frame(shift=tuple(call.offset)),
+            c.SetXYRotation: lambda call: self._use_frame(rotation=call.angle),
+            c.UseToolLengthOffset: lambda call: self._use_frame(tool=tuple(call.offset)),
+            c.SetFeedMode: self._set_feed_mode,
+            c.SetMotionControlMode: self._set_path_control,
+            c.SetNaivecamTolerance: self._set_collapse,
+            c.StartSpeedFeedSync: lambda call: self._synchronise(call.pitch),
+            c.StopSpeedFeedSync: lambda _: self._synchronise(0.0),
+            c.SetSpindleSpeed: self._set_speed,
+            c.SetSpindleMode: self._set_spindle_mode,
+            c.StartSpindle: lambda call: self._spindle(call.direction),
+            c.StopSpindle: lambda _: self._spindle(0),
+            c.OrientSpindle: lambda call: self._event("orient", call.angle),
+            c.Dwell: lambda call: self._dwell(call.seconds),
+            c.Message: self._message,
+            c.Print: self._message,
+            c.ChangeTool: lambda call: self._event("tool", float(call.number)),
+            c.Switch: self._switch,
+            c.Output: self._output,
+            c.WaitInput: lambda call: self._event(
+                "input",
+                float(call.mode),
+                f"{'analog' if call.analog else 'digital'} {call.index}",
+            ),
+            c.ProgramStop: lambda call: self._event("pause", text="M1" if call.optional else "M0"),
+            c.PalletShuttle: lambda _: self._event("pause", text="M60"),
+            c.ProgramEnd: lambda call: self._event("end", text=f"M{call.code}"),
+        }
 
-    def path_tolerance(self, tolerance: float) -> None:
-        """Set the path tolerance of the moves to come [mm]; 0 = come to rest after each."""
-        self._tolerances.append((len(self._line), tolerance))
+    def emit(self, call: tuple[object, ...]) -> None:
+        """Take one call; those that are neither motion nor event have no effect here."""
+        take = self._take.get(type(call))
+        if take is not None:
+            take(call)
 
-    def straight(self, end: list[float], feed: float, line: int) -> None:
-        """Add a straight move; an infinite ``feed`` is a rapid."""
-        self._line.append(line)
-        self._end.fromlist(end)
-        self._feed.append(feed)
+    # Motion
 
-    def arc(
-        self,
-        end: list[float],
-        feed: float,
-        line: int,
-        *,
-        plane: Plane,
-        center: Sequence[float],
-        sweep: float,
+    def straights(
+        self, lines: NDArray[np.int32], ends: NDArray[np.float64], feeds: NDArray[np.float64]
     ) -> None:
-        """Add an arc or helix about ``center`` (3 coordinates)."""
-        self._arcs.append((len(self._line), plane, tuple(center), sweep))
-        self.straight(end, feed, line)
+        """Take many straight moves at once: ends in program coordinates, feeds [mm/s]."""
+        self._lines.frombytes(lines.tobytes())
+        self._ends.frombytes(ends.tobytes())
+        self._feeds.frombytes(feeds.tobytes())
 
-    def dwell(self, seconds: float, line: int) -> None:
-        """Stand still."""
-        self.stop()
-        self._dwells.append((len(self._line), seconds))
-        self.straight(self._end[-len(AXES) :].tolist() or self._start, 0.0, line)
-        self.stop()
+    def _straight_traverse(self, call: c.StraightTraverse) -> None:
+        self._lines.append(self.line)
+        self._ends.extend(call.position)
+        self._feeds.append(np.inf)
 
-    def event(
-        self, kind: str, line: int, *, value: float = 0.0, text: str = "", rest: bool = True
-    ) -> None:
+    def _straight_feed(self, call: c.StraightFeed) -> None:
+        self._lines.append(self.line)
+        self._ends.extend(call.position)
+        self._feeds.append(self._feed)
+
+    def _arc_feed(self, call: c.ArcFeed) -> None:
+        if call.plane is not Plane.XY and self._frame.rotation:
+            raise Fault(
+                "an arc in G18 or G19 cannot be run in a coordinate system that is rotated about "
+                "Z; use G10 L2 R0 or G17"
+            )
+        self._arcs.append((len(self._lines), call))
+        self._lines.append(self.line)
+        self._ends.extend(call.end)
+        self._feeds.append(self._feed)
+
+    def _rigid_tap(self, call: c.RigidTap) -> None:
+        for position in (call.position, call.start):
+            self._straight_feed(c.StraightFeed(position))
+            self._stop()
+
+    def _probe(self, _: c.StraightProbe) -> None:
+        raise Fault("where a probe trips is known to the machine alone: G38 cannot be planned")
+
+    def _dwell(self, seconds: float) -> None:
+        self._stop()
+        self._dwells.append((len(self._lines), seconds))
+        self._lines.append(self.line)
+        self._ends.extend(_NOWHERE)
+        self._feeds.append(0.0)
+        self._stop()
+
+    def _stop(self) -> None:
+        """Let the motion so far end at rest."""
+        self._stops.append(len(self._lines))
+
+    # What motion depends on
+
+    def _use_frame(self, **changes: Any) -> None:
+        self._frame = replace(self._frame, **changes)
+        self._frames.append((len(self._lines), self._frame))
+
+    def _set_feed_rate(self, call: c.SetFeedRate) -> None:
+        self._rate = call
+        if call.scale != self._feed_scales[-1][1]:
+            self._feed_scales.append((len(self._lines), call.scale))
+        self._use_feed()
+
+    def _use_feed(self) -> None:
+        if self._pitch:
+            self._feed = self._pitch * self._frame.scale * self._speed / MINUTE
+        else:
+            per_minute = self._speed if self._per_revolution else 1.0
+            self._feed = self._rate.rate * self._rate.scale * per_minute / MINUTE
+
+    def _set_feed_mode(self, call: c.SetFeedMode) -> None:
+        self._per_revolution = call.per_revolution
+        self._use_feed()
+
+    def _set_path_control(self, call: c.SetMotionControlMode) -> None:
+        tolerance = {"EXACT_PATH": self._exact_tolerance, "EXACT_STOP": 0.0}.get(
+            call.mode,
+            # G64 P0 means "as fast as the machine allows", the same as no P.
+            call.tolerance * self._frame.scale or self._path_tolerance,
+        )
+        self._tolerances.append((len(self._lines), tolerance))
+
+    def _set_collapse(self, call: c.SetNaivecamTolerance) -> None:
+        self._collapses.append((len(self._lines), call.tolerance * self._frame.scale))
+
+    def _synchronise(self, pitch: float) -> None:
+        self._pitch = pitch
+        self._pitches.append((len(self._lines), pitch * self._frame.scale))
+        self._use_feed()
+
+    # Events
+
+    def _event(self, kind: str, value: float = 0.0, text: str = "", *, rest: bool = True) -> None:
         """Add an event after the motion so far; with ``rest`` the machine stands still for it."""
         if rest:
-            self.stop()
-        self._events.append(Event(len(self._line), line, kind, value, text))
+            self._stop()
+        self._events.append(Event(len(self._lines), self.line, kind, value, text))
 
-    def stop(self) -> None:
-        """Let the motion so far end at rest."""
-        self._stops.append(len(self._line))
+    def _set_speed(self, call: c.SetSpindleSpeed) -> None:
+        self._speed = call.speed
+        if self._direction:
+            self._event("spindle", self._direction * call.speed, rest=False)
+        self._use_feed()
+
+    def _set_spindle_mode(self, call: c.SetSpindleMode) -> None:
+        if call.limit:
+            raise Fault("constant surface speed (G96) is not supported in planned motion; use G97")
+
+    def _spindle(self, direction: int) -> None:
+        self._direction = direction
+        self._event("spindle", direction * self._speed)
+
+    def _message(self, call: c.Message | c.Print) -> None:
+        self._event("message", text=" ".join(call.text.split()), rest=False)
+
+    def _switch(self, call: c.Switch) -> None:
+        if call.name in _EVENT_OF_SWITCH:
+            self._event(_EVENT_OF_SWITCH[call.name], float(call.on), rest=False)
+
+    def _output(self, call: c.Output) -> None:
+        kind = "analog" if call.value is not None else "digital"
+        value = float("SET" in call.name) if call.value is None else call.value
+        self._event("output", value, f"{kind} {call.index}", rest=not call.with_motion)
+
+    # All of it
 
     def program(self, path: str) -> Program:
         """Return all of it; the last move ends at rest."""
-        self.stop()
-        n = len(self._line)
+        self._stop()
+        n = len(self._lines)
+        end = self._machine_ends()
         kind = np.full(n, MoveKind.LINE, np.int8)
         plane = np.full(n, Plane.XY, np.int8)
         center, sweep, dwell = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
-        for i, turned_about, arc_center, angle in self._arcs:
-            kind[i], plane[i], center[i], sweep[i] = MoveKind.ARC, turned_about, arc_center, angle
+        for i, arc in self._arcs:
+            kind[i], plane[i], sweep[i] = MoveKind.ARC, arc.plane, arc.sweep
+            point = list(arc.end)
+            for axis, value in zip(arc.plane.axes, arc.center, strict=True):
+                point[axis] = value
+            machine = _at(self._frames, i).to_machine(point)
+            for axis in arc.plane.axes:
+                center[i, axis] = machine[axis]
         for i, seconds in self._dwells:
             kind[i], dwell[i] = MoveKind.DWELL, seconds
-        first, value = zip(*self._tolerances, strict=True)
-        tolerance = np.repeat(np.array(value), np.diff([*first, n]))
-        tolerance[np.array(sorted({*self._stops} - {0}), dtype=np.int64) - 1] = 0.0
-        feed = np.array(self._feed)
+        feed = np.array(self._feeds)
+        moved = np.diff(end, axis=0, prepend=np.array(self._start)[None])
+        straight = _norm(moved[:, :3]) > RESOLUTION
+        turned = _norm(moved[:, 3:]) > RESOLUTION
+        keep = straight | turned | (kind != MoveKind.LINE)
+        # A feed is in degrees per minute where rotary axes alone move.
+        rotary = ~straight & (kind == MoveKind.LINE)
+        feed[rotary] /= _spread(self._feed_scales, n)[rotary]
+        if (stuck := keep & (feed <= 0) & (kind != MoveKind.DWELL)).any():
+            self.line = int(np.array(self._lines)[stuck][0])
+            raise Fault(
+                "feed per revolution or motion tied to the spindle, but its speed is 0; set S first"
+            )
+        kept = np.concatenate([[0], np.cumsum(keep)])  # of the first i moves
+        tolerance = _spread(self._tolerances, n)[keep]
+        tolerance[np.unique(kept[self._stops])[1 if kept[self._stops[0]] == 0 else 0 :] - 1] = 0.0
         moves = Moves(
             start=np.array(self._start, dtype=np.float64),
-            kind=kind,
-            plane=plane,
-            rapid=np.isinf(feed),
-            line=np.array(self._line, dtype=np.int32),
-            end=np.array(self._end).reshape(n, len(AXES)),
-            center=center,
-            sweep=sweep,
-            feed=feed,
-            dwell=dwell,
+            kind=kind[keep],
+            plane=plane[keep],
+            rapid=np.isinf(feed[keep]),
+            line=np.array(self._lines, dtype=np.int32)[keep],
+            end=end[keep],
+            center=center[keep],
+            sweep=sweep[keep],
+            feed=feed[keep],
+            dwell=dwell[keep],
             tolerance=tolerance,
+            collapse=_spread(self._collapses, n)[keep],
+            pitch=_spread(self._pitches, n)[keep],
         )
-        return Program(path, moves, tuple(self._events))
+        events = tuple(replace(event, at=int(kept[event.at])) for event in self._events)
+        return Program(path, moves, events)
+
+    def _machine_ends(self) -> NDArray[np.float64]:
+        """Return the end of every move in machine coordinates, shape (n, 6)."""
+        ends = np.array(self._ends).reshape(-1, len(AXES))
+        at = [i for i, _ in self._frames[1:]] + [len(ends)]
+        for (first, frame), last in zip(self._frames, at, strict=True):
+            if first < last:
+                # By columns, as `Frame` does it for one position: the same operations in turn.
+                columns = frame.to_machine(ends[first:last].T)  # type: ignore[arg-type]
+                ends[first:last] = np.array(columns).T
+        for i, _ in self._dwells:
+            ends[i] = ends[i - 1] if i else self._start
+        return ends
+
+
+def _norm(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+
+
+def _at(changes: Sequence[tuple[int, T]], i: int) -> T:
+    """Return the value that holds for move ``i``."""
+    return next(value for first, value in reversed(changes) if first <= i)
+
+
+def _spread(changes: Sequence[tuple[int, float]], n: int) -> NDArray[np.float64]:
+    """Return a value for each move from values and the moves from which on they hold."""
+    first, value = zip(*changes, strict=True)
+    return np.repeat(np.array(value, dtype=np.float64), np.diff([*first, n]))

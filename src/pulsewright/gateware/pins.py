@@ -72,9 +72,9 @@ class Pad:
 def pads(component: Component) -> dict[str, Pad]:
     """Return the pads that the ports of a component make.
 
-    ``x_i``, ``x_o`` and ``x_oe`` make the bidirectional pad ``x``, and ``x_oe`` one of its own; ``x``
-    and ``x_oe`` make an output ``x`` that is let go of. A
-    ``tristate`` output makes no pad: it lets go of all outputs that do not belong to the bus.
+    ``x_i``, ``x_o`` and ``x_oe`` make the bidirectional pad ``x``, and ``x_oe`` one of its own;
+    ``x`` and ``x_oe`` make an output ``x`` that is let go of. A ``tristate`` output makes no pad:
+    it lets go of all outputs that do not belong to the bus.
     """
     ports = {
         str(path[0]): (len(Value.cast(value)), member.flow)

@@ -12,6 +12,7 @@ from amaranth.lib.wiring import Component, In, Member, Out
 
 from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.rapcores import registers as reg
+from pulsewright.boards.rapcores.gateware_compact import CompactCore
 from pulsewright.boards.rapcores.gateware_document import DocumentCore
 from pulsewright.boards.rapcores.gateware_original import OriginalCore
 from pulsewright.boards.rapcores.gateware_shared import cycles
@@ -102,7 +103,7 @@ class Rapcores(Component):
             _check("word_bits, with v020_info,", word_bits, (reg.WORD_BITS,))
         _check("shared_dda", shared_dda, range(2))
         self._profile, self._position_bits = profile, position_bits
-        self._shared_dda = bool(shared_dda)
+        self._compact = bool(shared_dda) and document
         self._motors, self._encoders = motors, encoders
         self._word_bits, self._depth, self._halt_pin = word_bits, depth, bool(halt_pin)
         ports: dict[str, Member] = {name: In(1) for name in ("rst_n", *BUS, "halt")}
@@ -115,8 +116,7 @@ class Rapcores(Component):
     @property
     def min_divider(self) -> int:
         """Smallest value of the clock divider that is as in the specification."""
-        shared = self._shared_dda and self._profile == "document"
-        return cycles(self._motors, self._word_bits) - 1 if shared else 0
+        return cycles(self._motors, self._word_bits) - 1 if self._compact else 0
 
     @property
     def input_pins(self) -> dict[str, tuple[str, int]]:
@@ -166,7 +166,7 @@ class Rapcores(Component):
                 v020=self._profile == "v020",
                 fixed=bool(self.switches["fixed"]),
             )
-        return DocumentCore(
+        return (CompactCore if self._compact else DocumentCore)(
             motors=self._motors,
             encoders=self._encoders,
             word_bits=self._word_bits,
@@ -174,7 +174,6 @@ class Rapcores(Component):
             halt_pin=self._halt_pin,
             cs_reset_message=bool(self.switches["cs_reset_message"]),
             v020_info=bool(self.switches["v020_info"]),
-            shared=self._shared_dda,
         )
 
 

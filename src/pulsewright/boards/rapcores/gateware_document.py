@@ -10,14 +10,12 @@ from typing import Final
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.cdc import FFSynchronizer
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.gateware_encoder import Encoder
 from pulsewright.boards.rapcores.gateware_motion import Dda, Sequencer, TickDivider
-from pulsewright.boards.rapcores.gateware_pulse import PulseFormer
-from pulsewright.boards.rapcores.gateware_shared import SharedDda
+from pulsewright.boards.rapcores.gateware_pulse import TIMER_BITS, PulseFormer
 from pulsewright.gateware.spi import SpiWordPort
 
 COUNT_BITS: Final = 32
@@ -53,13 +51,11 @@ class DocumentCore(Component):
     ----------
     motors, encoders, word_bits, depth, times : see `Rapcores`
     halt_pin, cs_reset_message, v020_info : bool
-    shared : bool
-        One adder for all DDAs.
 
     Members
     -------
     clear : In(1), clear_address : In(8)
-        Clear memories while the rest is in reset.
+        Clear memories: to be there while the rest is in reset, with every address in turn.
     cs, sck, copi, halt : In(1), enc_a, enc_b : In(encoders)
         Pins, asynchronous.
     cipo, cipo_oe, buffer_dtr, move_done : Out(1), step, dir, en : Out(motors)
@@ -75,12 +71,11 @@ class DocumentCore(Component):
         halt_pin: bool,
         cs_reset_message: bool,
         v020_info: bool,
-        shared: bool,
     ) -> None:
         self._motors, self._encoders = motors, encoders
         self._word_bits, self._depth = word_bits, depth
         self._halt_pin, self._cs_reset_message = halt_pin, cs_reset_message
-        self._v020_info, self._shared = v020_info, shared
+        self._v020_info = v020_info
         super().__init__(
             {
                 "clear": In(1),
@@ -111,18 +106,25 @@ class DocumentCore(Component):
         self._events = {name: Signal(name=name) for name in COUNTERS}
         m.submodules.spi = self._spi = SpiWordPort(word_bits=self._word_bits, drop_partial=True)
         m.submodules.sequencer = self._sequencer = Sequencer(depth=self._depth)
-        self._position = [Signal(32, name=f"position{n}") for n in range(self._motors)]
-        self._excess = [Signal(9, name=f"excess{n}") for n in range(self._motors)]
+        self._pending, self._lost = Signal(self._motors), Signal(self._motors)
+        self._encoder_fault = Signal(max(self._encoders, 1))
+        self._formers = [PulseFormer() for _ in range(self._motors)]
         self._number = Signal(range(2 * self._motors + 2))  # of the word to come in a move
         self._moving = Signal()  # it is one of a move that is accepted
         self._left = Signal(32)  # ticks of the executing move
         self._ready = Signal()  # for the next tick
-        (self._shared_motion if self._shared else self._motion)(m)
+        # Configuration, as it is used.
+        self._divider, self._control = Signal(8), Signal()
+        self._times = {name: Signal(TIMER_BITS, name=f"{name}_less_1") for name in TIMES}
+        self._step_polarity, self._dir_polarity = Signal(self._motors), Signal(self._motors)
+        self._motion(m)
+        self._ticks(m)
         self._configuration(m)
         self._encoder_blocks(m)
         self._halting(m)
         self._motors_blocks(m)
         self._counters(m)
+        self._replies(m)
         self._messages(m)
         return m
 
@@ -130,32 +132,41 @@ class DocumentCore(Component):
         """Return whether a bit of the clear register is written in this cycle."""
         return self._write & (self._address == reg.W_CLEAR) & self._spi.word[bit]
 
+    def _latch(self, m: Module, latch: Value, event: Value, bit: int) -> None:
+        """Set a latch at an event, and clear it with a bit of the clear register."""
+        with m.If(event):
+            m.d.sync += latch.eq(1)
+        with m.Elif(self._cleared(bit)):
+            m.d.sync += latch.eq(0)
+
     def _configuration(self, m: Module) -> None:
         """Add configuration registers."""
-        word = self._spi.word
-        motors = self._motors
+        self._stored: dict[int, Signal] = {}
 
         def register(address: int, bits: int, init: int = 0) -> Signal:
             value = Signal(bits, init=init, name=f"config{address:02x}")
             with m.If(self._write & (self._address == address)):
-                m.d.sync += value.eq(word)
+                m.d.sync += value.eq(self._spi.word)
             self._stored[address] = value
             return value
 
-        self._stored: dict[int, Signal] = {}
-        enable = register(reg.W_ENABLE, 32)
         register(reg.W_BRAKE, 32)
-        divider = register(reg.W_DIVIDER, 32, reg.W_DIVIDER_RESET)
-        self._times = {
-            name: register(address, 16, reg.W_STEP_WIDTH_RESET) for name, address in TIMES.items()
-        }
-        self._control = register(reg.W_CONTROL, 1)
-        self._step_polarity = register(reg.W_STEP_POLARITY, motors)
-        self._dir_polarity = register(reg.W_DIR_POLARITY, motors)
-        m.d.comb += self.en.eq(enable)
+        m.d.comb += [
+            self.en.eq(register(reg.W_ENABLE, 32)),
+            self._divider.eq(register(reg.W_DIVIDER, 32, reg.W_DIVIDER_RESET)),
+            self._control.eq(register(reg.W_CONTROL, 1)),
+            self._step_polarity.eq(register(reg.W_STEP_POLARITY, self._motors)),
+            self._dir_polarity.eq(register(reg.W_DIR_POLARITY, self._motors)),
+        ]
+        for name, address in TIMES.items():
+            value = register(address, TIMER_BITS, reg.W_STEP_WIDTH_RESET)
+            m.d.comb += self._times[name].eq(Mux(value == 0, 0, value - 1))
+
+    def _ticks(self, m: Module) -> None:
+        """Add the tick divider."""
         m.submodules.ticks = ticks = TickDivider()
         m.d.comb += [
-            ticks.divider.eq(divider),
+            ticks.divider.eq(self._divider),
             ticks.ready.eq(self._ready | ~self._sequencer.run),
             self._sequencer.tick.eq(ticks.tick),
         ]
@@ -183,8 +194,18 @@ class DocumentCore(Component):
             sequencer.last.eq(self._left == 1),
             self._ready.eq(1),
         ]
-        for n in range(self._motors):
-            m.d.comb += [self._position[n].eq(dda.position[n]), dda.excess[n].eq(self._excess[n])]
+        self._position = [dda.position[n] for n in range(self._motors)]
+        for n, former in enumerate(self._formers):
+            now, seen = self._position[n], Signal(2, name=f"seen{n}")
+            m.d.sync += seen.eq(Mux(self._halted, now - former.excess, now))
+            m.d.comb += [  # the difference is 1 or 3, or there is none
+                former.moved.eq(now[0] ^ seen[0]),
+                former.down.eq(now[1] ^ seen[1] ^ seen[0]),
+                former.blocked.eq(self._halted),
+                former.forget.eq(self._halted),
+                dda.excess[n].eq(former.excess),
+                self._pending[n].eq(former.owed != 0),
+            ]
         with m.If(sequencer.integrate):
             m.d.sync += self._left.eq(self._left - 1)
         for n, value in enumerate(duration):
@@ -193,68 +214,16 @@ class DocumentCore(Component):
             with m.If(sequencer.load & (load_slot == n)):
                 m.d.sync += self._left.eq(value)
 
-    def _shared_motion(self, m: Module) -> None:
-        """Add the DDA of all motors, and their step positions."""
-        spi, sequencer, number = self._spi, self._sequencer, self._number
-        m.submodules.dda = dda = SharedDda(
-            motors=self._motors, depth=self._depth, word_bits=self._word_bits
-        )
-        restart = (
-            sequencer.finish
-            | self._halted
-            | (~sequencer.run & spi.strobe & self._moving & ~(number[0] & number[1:].any()))
-        )
-        m.d.comb += [
-            dda.clear.eq(self.clear),
-            dda.clear_address.eq(self.clear_address),
-            dda.write.eq(spi.byte_strobe & self._moving),
-            dda.write_slot.eq(sequencer.write_slot),
-            dda.number.eq(number),
-            dda.index.eq(spi.byte),
-            dda.byte.eq(spi.received),
-            dda.slot.eq(sequencer.slot),
-            dda.integrate.eq(sequencer.integrate),
-            dda.restart.eq(restart),
-            self._ready.eq(dda.ready),
-            self._left.eq(dda.left),
-            sequencer.last.eq(dda.last),
-        ]
-        first = Signal(init=1)
-        m.d.comb += dda.first.eq(first)
-        with m.If(sequencer.integrate):
-            m.d.sync += first.eq(0)
-        with m.If(sequencer.finish | self._halted):
-            m.d.sync += first.eq(1)
-        # Whether a move has no ticks has to be known as it starts.
-        m.submodules.empty = memory = Memory(shape=1, depth=self._depth, init=[])
-        written, read = memory.write_port(), memory.read_port(domain="comb")
-        m.d.comb += [
-            written.addr.eq(sequencer.write_slot),
-            written.data.eq(spi.word[:32] == 0),
-            written.en.eq(spi.strobe & self._moving & (number == 1)),
-            read.addr.eq(sequencer.slot),
-            sequencer.empty.eq(read.data),
-        ]
-        for n, position in enumerate(self._position):
-            with m.If(self._halted):
-                m.d.sync += position.eq(position - self._excess[n].as_signed())
-            with m.Elif(sequencer.integrate & dda.moved[n]):
-                m.d.sync += position.eq(position + Mux(dda.down[n], -1, 1))
-
     def _encoder_blocks(self, m: Module) -> None:
         """Add encoders, and telemetry: their state at the start of the executing move."""
         self._encoder: list[Encoder] = []
-        self._encoder_fault = Signal(max(self._encoders, 1))
         self._telemetry: list[Signal] = []
         update = ~self._sequencer.run | self._sequencer.load
         for n in range(self._encoders):
             m.submodules[f"encoder{n}"] = encoder = Encoder()
             self._encoder.append(encoder)
             m.d.comb += [encoder.a.eq(self.enc_a[n]), encoder.b.eq(self.enc_b[n])]
-            with m.If(encoder.fault):
-                m.d.sync += self._encoder_fault[n].eq(1)
-            with m.Elif(self._cleared(reg.W_CLEAR_ENCODER_FAULT_LSB)):
-                m.d.sync += self._encoder_fault[n].eq(0)
+            self._latch(m, self._encoder_fault[n], encoder.fault, reg.W_CLEAR_ENCODER_FAULT_LSB)
             if n < self._motors:
                 for value in (encoder.position, encoder.velocity):
                     register = Signal(32, name=f"telemetry{len(self._telemetry)}")
@@ -275,32 +244,19 @@ class DocumentCore(Component):
             ),
             self.move_done.eq(self._sequencer.done),
         ]
-        with m.If(self._halted):
-            m.d.sync += self._halt_seen.eq(1)
-        with m.Elif(self._cleared(reg.W_CLEAR_HALT_SEEN_LSB)):
-            m.d.sync += self._halt_seen.eq(0)
+        self._latch(m, self._halt_seen, self._halted, reg.W_CLEAR_HALT_SEEN_LSB)
 
     def _motors_blocks(self, m: Module) -> None:
         """Add pulse formers, and what they lose."""
-        self._pending, self._lost = Signal(self._motors), Signal(self._motors)
-        times = {name: Signal(16, name=f"{name}_less_1") for name in TIMES}
-        for name, value in self._times.items():
-            m.d.comb += times[name].eq(Mux(value == 0, 0, value - 1))
-        for n in range(self._motors):
-            m.submodules[f"pulse{n}"] = former = PulseFormer()
+        for n, former in enumerate(self._formers):
+            m.submodules[f"pulse{n}"] = former
             m.d.comb += [
-                former.position.eq(self._position[n]),
                 former.halted.eq(self._halted),
-                *(getattr(former, name).eq(value) for name, value in times.items()),
-                self._excess[n].eq(former.excess),
+                *(getattr(former, name).eq(value) for name, value in self._times.items()),
                 self.step[n].eq(former.step ^ self._step_polarity[n]),
                 self.dir[n].eq(former.dir ^ self._dir_polarity[n]),
-                self._pending[n].eq(former.pending),
             ]
-            with m.If(former.lost):
-                m.d.sync += self._lost[n].eq(1)
-            with m.Elif(self._cleared(reg.W_CLEAR_STEP_LOST_LSB)):
-                m.d.sync += self._lost[n].eq(0)
+            self._latch(m, self._lost[n], former.lost, reg.W_CLEAR_STEP_LOST_LSB)
 
     def _counters(self, m: Module) -> None:
         """Add counters of events."""
@@ -310,31 +266,27 @@ class DocumentCore(Component):
             m.d.sync += count.eq(Mux(cleared, 0, count) + self._events[name])
 
     def _messages(self, m: Module) -> None:
-        """Add what acts on words and replies."""
-        spi, sequencer = self._spi, self._sequencer
+        """Add what acts on words."""
+        spi, sequencer, number = self._spi, self._sequencer, self._number
         last_word = 2 * self._motors + 1
-        message, number = Signal(Message), self._number
+        message = Signal(Message)
         header, address = spi.word[-8:], spi.word[:8]
-        reply = Signal(self._word_bits)
-        snapshot = Signal(32 * max(len(self._telemetry), 1))
         m.d.comb += [
             *(getattr(spi, name).eq(getattr(self, name)) for name in ("cs", "sck", "copi")),
             *(getattr(self, name).eq(getattr(spi, name)) for name in ("cipo", "cipo_oe")),
-            spi.reply.eq(reply.word_select(spi.byte, 8)),
             self._write.eq(spi.strobe & (message == Message.SWAP)),
             self._events["completed"].eq(sequencer.finish),
             self._events["framing"].eq(spi.ended & spi.partial),
             self._moving.eq((message == Message.MOVE) & self._accept),
         ]
-
         with m.If(spi.strobe):
-            m.d.sync += reply.eq(0)
+            self._reply_nothing(m)
             with m.Switch(message):
                 with m.Case(Message.IDLE):
                     m.d.sync += [number.eq(1), self._address.eq(address)]
-                    self._header(m, message, header, address, reply, snapshot)
+                    self._header(m, message, header, address)
                 with m.Case(Message.MOVE):
-                    m.d.sync += [number.eq(number + 1), snapshot.eq(snapshot >> 32)]
+                    m.d.sync += number.eq(number + 1)
                     with m.If(number == last_word):
                         m.d.sync += message.eq(Message.IDLE)
                         m.d.comb += [
@@ -342,71 +294,83 @@ class DocumentCore(Component):
                             self._events["refused"].eq(~sequencer.arm),
                         ]
                     with m.Else():
-                        m.d.sync += reply.eq(snapshot[:32].as_signed())
+                        self._reply_telemetry(m)
                 with m.Default():
                     m.d.sync += message.eq(Message.IDLE)
         if self._cs_reset_message:
             with m.If(spi.ended & (message != Message.IDLE)):
-                m.d.sync += [message.eq(Message.IDLE), reply.eq(0)]
+                m.d.sync += message.eq(Message.IDLE)
                 m.d.comb += self._events["aborted"].eq(1)
+                self._reply_nothing(m)
         with m.If(self._halted):
             m.d.sync += self._accept.eq(0)
 
-    def _header(
-        self,
-        m: Module,
-        message: Signal,
-        header: Value,
-        address: Value,
-        reply: Signal,
-        snapshot: Signal,
-    ) -> None:
+    def _header(self, m: Module, message: Signal, header: Value, address: Value) -> None:
         """Add what acts on a header."""
         with m.Switch(header):
             with m.Case(reg.HEADER_NOP):
                 pass
             with m.Case(reg.HEADER_MOVE):
-                m.d.sync += [
-                    message.eq(Message.MOVE),
-                    self._accept.eq(self.buffer_dtr),
-                    snapshot.eq(Cat(self._telemetry)),
-                ]
+                m.d.sync += [message.eq(Message.MOVE), self._accept.eq(self.buffer_dtr)]
+                self._snapshot(m)
             with m.Case(reg.HEADER_STATUS_READ):
                 m.d.sync += message.eq(Message.IGNORED)
-                with m.Switch(address):
-                    for place, value in self._status().items():
-                        with m.Case(place):
-                            m.d.sync += reply.eq(value)
+                self._reply_status(m, address)
             with m.Case(reg.HEADER_CONFIG_SWAP, reg.HEADER_CONFIG_READ):
                 m.d.sync += message.eq(
                     Mux(header == reg.HEADER_CONFIG_SWAP, Message.SWAP, Message.IGNORED)
                 )
-                with m.Switch(address):
-                    for place, value in self._stored.items():
-                        with m.Case(place):
-                            m.d.sync += reply.eq(value)
+                self._reply_configuration(m, address)
             if self._v020_info:
-                with m.Case(reg.HEADER_V020_CHANNEL_INFO):
-                    m.d.sync += reply.eq(self._channel_info)
-                with m.Case(reg.HEADER_V020_VERSION):
-                    m.d.sync += [message.eq(Message.IGNORED), reply.eq(reg.VERSION_V020)]
-                with m.Case(reg.HEADER_V020_ENCODER):
-                    m.d.sync += message.eq(Message.IGNORED)
-                    with m.Switch(self._spi.word[48:56]):
-                        for n, encoder in enumerate(self._encoder):
-                            with m.Case(n):
-                                m.d.sync += reply.eq(Cat(encoder.position, encoder.velocity))
+                self._header_v020(m, message)
             with m.Default():
                 m.d.sync += message.eq(Message.IGNORED)
                 m.d.comb += self._events["unknown"].eq(1)
 
-    def _status(self) -> dict[int, Value]:
-        """Return status registers by address; signed ones as signed values."""
-        sequencer = self._sequencer
-        faults = self._encoder_fault
-        found: dict[int, Value] = {
-            reg.R_VERSION: Const(reg.VERSION, 32),
-            reg.R_CHANNEL_INFO: Const(self._channel_info, 32),
+    def _header_v020(self, m: Module, message: Signal) -> None:
+        """Add headers of the original 0.2."""
+        with m.Case(reg.HEADER_V020_CHANNEL_INFO):
+            m.d.sync += self._reply.eq(self._channel_info)
+        with m.Case(reg.HEADER_V020_VERSION):
+            m.d.sync += [message.eq(Message.IGNORED), self._reply.eq(reg.VERSION_V020)]
+        with m.Case(reg.HEADER_V020_ENCODER):
+            m.d.sync += message.eq(Message.IGNORED)
+            with m.Switch(self._spi.word[48:56]):
+                for n, encoder in enumerate(self._encoder):
+                    with m.Case(n):
+                        m.d.sync += self._reply.eq(Cat(encoder.position, encoder.velocity))
+
+    def _replies(self, m: Module) -> None:
+        """Add the reply, and the telemetry of the open message."""
+        self._reply = Signal(self._word_bits)
+        self._open = Signal(32 * max(len(self._telemetry), 1))
+        m.d.comb += self._spi.reply.eq(self._reply.word_select(self._spi.byte, 8))
+
+    def _reply_nothing(self, m: Module) -> None:
+        m.d.sync += self._reply.eq(0)
+
+    def _snapshot(self, m: Module) -> None:
+        m.d.sync += self._open.eq(Cat(self._telemetry))
+
+    def _reply_telemetry(self, m: Module) -> None:
+        m.d.sync += [self._open.eq(self._open >> 32), self._reply.eq(self._open[:32].as_signed())]
+
+    def _reply_status(self, m: Module, address: Value) -> None:
+        with m.Switch(address):
+            for place, value in self._status().items():
+                with m.Case(place):
+                    m.d.sync += self._reply.eq(value)
+
+    def _reply_configuration(self, m: Module, address: Value) -> None:
+        with m.Switch(address):
+            for place, value in self._stored.items():
+                with m.Case(place):
+                    m.d.sync += self._reply.eq(value)
+
+    def _flags(self) -> dict[int, Value]:
+        """Return status registers of flags, and of the executing move, by address."""
+        sequencer, faults = self._sequencer, self._encoder_fault
+        return {
             reg.R_ENCODER_FAULT: faults,
             reg.R_ENCODER_FAULT_HI: faults[32:],
             reg.R_MOTOR_FAULT: self._lost,
@@ -421,9 +385,21 @@ class DocumentCore(Component):
             reg.R_TICKS_LEFT: Mux(sequencer.run, self._left, 0),
             reg.R_STEP_LOST: self._lost,
             reg.R_PULSES_PENDING: self._pending,
-            reg.R_BUILD_PARAMETERS: Const(self._word_bits | reg.INTEGER_BITS << 8, 32),
-            reg.R_BUILD_ID: Const(reg.BUILD_ID, 32),
         }
+
+    def _constants(self) -> dict[int, int]:
+        """Return status registers that never change, by address."""
+        return {
+            reg.R_VERSION: reg.VERSION,
+            reg.R_CHANNEL_INFO: self._channel_info,
+            reg.R_BUILD_PARAMETERS: self._word_bits | reg.INTEGER_BITS << 8,
+            reg.R_BUILD_ID: reg.BUILD_ID,
+        }
+
+    def _status(self) -> dict[int, Value]:
+        """Return all status registers by address; signed ones as signed values."""
+        found = self._flags()
+        found |= {address: Const(value, 32) for address, value in self._constants().items()}
         found |= {address: self._counter[name] for name, address in COUNTERS.items()}
         for n, encoder in enumerate(self._encoder):
             found[reg.R_ENCODER_POSITION[n]] = encoder.position.as_signed()

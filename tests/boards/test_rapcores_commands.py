@@ -252,6 +252,21 @@ def test_rest_near_a_crossing_dithers_never(rest, bits):
     assert (np.diff(signs) != 0).sum() <= 3
 
 
+def test_rest_a_unit_beyond_a_crossing_keeps_a_thousandth_of_a_step_from_it():
+    # short words: 400 ticks leave up to 200 units of rounding
+    converter, _ = converted(chain([[0.0], [0.5 + 2.0**-31]], [0.0213]), word_bits=32)
+    assert converter.position.tolist() == [1]
+    assert converter.fraction[0] == pytest.approx(2**31 / 1024, abs=200)
+
+
+def test_what_comes_and_goes_between_two_rests_is_not_taken_for_rest():
+    # 0.11 steps beyond a crossing for a moment, anywhere in the grid of 1.025 ms
+    for wait in 0.02 + 0.001025 * np.arange(8):
+        points = [[0.45], [0.45], [0.61], [0.45], [0.45]]
+        ((_, signs),), _ = check(chain(points, [wait, 0.0022, 0.0022, 0.03]))
+        assert signs.tolist() == [1, -1]
+
+
 def test_slow_motion_makes_each_step_once():
     for bits in (63, 31):
         ((_, signs),), _ = check(chain([[0.0], [3.0]], [1.0]), bits=bits)

@@ -29,6 +29,7 @@ Figures = list[dict[str, Any]]
 
 TWIN_SECONDS: Final = 60
 TWIN_RATE: Final = 50_000  # [step/s] of each of four axes
+ENCODER_COUNTS: Final = 5_000  # [count/s] of each encoder
 HOUR: Final = 3600.0
 
 
@@ -87,7 +88,7 @@ def twin() -> Figures:
     once with the driver that makes the accesses and a copy of the edges. S3G: the board's own
     program sets the rates.
     """
-    return _usc_twin() + _pluto_step_twin() + _s3g_twin()
+    return _usc_twin() + _pluto_step_twin() + _s3g_twin() + _rapcores_twin()
 
 
 def _usc_twin() -> Figures:
@@ -159,6 +160,60 @@ def _s3g_twin() -> Figures:
     speed, rate = TWIN_SECONDS / alone.seconds, edges / alone.seconds / 1e6
     return [
         _figure("twin", f"s3g twin alone: {what}", speed, "x real time", ">= 300"),
+        _figure("twin", "edges recorded by the twin", rate, "M/s", "-"),
+    ]
+
+
+def _rapcores_twin() -> Figures:
+    from pulsewright.boards.rapcores import registers as reg
+    from pulsewright.boards.rapcores.twin import RapcoresTwin
+    from pulsewright.transport.spi_bus import HALF_PERIOD
+
+    twin = RapcoresTwin()
+    motors, moves, ticks = reg.MOTORS, 500, 800  # moves and ticks per move for a second
+    period = reg.CLOCK_HZ // (moves * ticks)
+    top = reg.HEADER_MOVE << (reg.WORD_BITS - 8)
+    words = np.zeros((moves, 2 + 2 * motors), np.int64)
+    words[:, 0], words[:, 1] = top, ticks
+    rates = TWIN_RATE * np.arange(2, 2 + motors) / (1 + motors)  # 20, 30, 40, 50 k step/s
+    steps = rates * (1 + 1e-3 * _wobble(motors)[:moves]) / (moves * ticks)
+    words[:, 2::2] = steps * 2.0 ** (reg.WORD_BITS - 1)
+    messages = [row.tobytes() for row in words]
+    swap = reg.HEADER_CONFIG_SWAP << (reg.WORD_BITS - 8) | reg.W_DIVIDER
+    divider = b"".join(word.to_bytes(8, "little") for word in (swap, period - 1))
+    turning = np.arange(ENCODER_COUNTS * reg.ENCODERS)  # A and B of all encoders in turns
+    pins = len(twin.input_pins) - 2 * reg.ENCODERS + turning % (2 * reg.ENCODERS)
+    levels = turning // (2 * reg.ENCODERS) + 1 & 1
+    _, begin = twin.transfer(reg.RESET_CYCLES, divider, HALF_PERIOD)
+    space = reg.CLOCK_HZ // moves
+
+    def play(first: int, begin: int) -> int:
+        """Play a second from ``first`` on, whose first message comes at ``begin``."""
+        twin.schedule(first + turning * (reg.CLOCK_HZ // len(turning)), pins, levels)
+        edges = 0
+        for n, message in enumerate(messages):
+            twin.transfer(first + n * space if n else begin, message, HALF_PERIOD)
+            if n % 100 == 99:
+                edges += sum(len(cycles) for cycles in twin.drain(copy=False).cycles)
+        return edges
+
+    alone, edges, first = _Stopwatch(), 0, begin + space
+    timed = alone.timing(play)
+    for second in range(TWIN_SECONDS + 2):
+        if second == 2:
+            alone.seconds, edges = 0.0, 0
+        # the very first message comes early, so that one move always waits
+        edges += timed(first, first if second else begin)
+        first += reg.CLOCK_HZ
+    if (state := twin.state())["refused"] or state["completed"] < moves * TWIN_SECONDS:
+        raise UsageError(f"the benchmark of the rapcores twin went wrong: {state}")
+    what = (
+        f"{motors} motors at 20 to {TWIN_RATE // 1000} k step/s, {moves} moves/s, "
+        f"{reg.ENCODERS} encoders at {ENCODER_COUNTS // 1000} k counts/s"
+    )
+    speed, rate = TWIN_SECONDS / alone.seconds, edges / alone.seconds / 1e6
+    return [
+        _figure("twin", f"rapcores twin alone: {what}", speed, "x real time", ">= 300"),
         _figure("twin", "edges recorded by the twin", rate, "M/s", "-"),
     ]
 

@@ -46,6 +46,7 @@ from pulsewright.twin.clock import NEVER
 from pulsewright.twin.inputs import InputPins, merged
 from pulsewright.twin.recorder import Recorder
 
+NAME: Final = "rapcores twin"
 BUS_INPUTS: Final = ("rst_n", "cs", "sck", "copi", "halt")
 IDLE_HIGH: Final = ("rst_n", "cs", "halt")
 OUTPUTS: Final = ("cipo", "buffer_dtr", "move_done")
@@ -54,6 +55,7 @@ PROFILE_CODES: Final = {
     "upstream": layout.UPSTREAM,
     "v020": layout.V020,
 }
+WORDS: Final = 66  # of the longest message of the board
 POSITION_BITS_V020: Final = (24, 32)
 
 
@@ -138,8 +140,10 @@ class RapcoresTwin:
         _check_switches(profile, word_bits, self.switches)
         self.profile, self.motors, self.encoders = profile, motors, encoders
         self.word_bits, self.bus_pins = word_bits, bus_pins
+        self._word_bytes = word_bits // 8
+        self._make_words(WORDS)
         self.input_pins, self.output_pins = input_pins(encoders), output_pins(motors)
-        self._inputs = InputPins("rapcores twin", self.input_pins, {})
+        self._inputs = InputPins(NAME, self.input_pins, {})
         self._delay = np.full(len(self.input_pins), layout.ENCODER_DELAY)
         self._delay[: layout.ENCODER_PINS] = 0
         self._delay[layout.HALT] = layout.HALT_DELAY
@@ -162,7 +166,7 @@ class RapcoresTwin:
         board["done"], board["rst_n"], board["halt"] = -1, 1, 1
         board["spi_at"], board["ready_at"] = NEVER, RESET_CYCLES
         self._spi["cs"] = 1
-        self._s = layout.State(world[0], np.zeros((0, 3), np.int64), self._recorder.rows)
+        self._s = layout.State(world, np.zeros((0, 3), np.int64), self._recorder.rows)
         kernel.enter_reset(self._s, -1)
 
     # ---------------------------------------------------------------------------------------- time
@@ -181,9 +185,7 @@ class RapcoresTwin:
             If the cycle is over.
         """
         if cycle < self.now:
-            raise UsageError(
-                f"rapcores twin: advance to cycle {cycle}, but it is already {self.now}"
-            )
+            raise UsageError(f"{NAME}: advance to cycle {cycle}, but it is already {self.now}")
         while not kernel.run(self._s, cycle):
             self._grow()
 
@@ -238,37 +240,44 @@ class RapcoresTwin:
         UsageError
             If there are no bytes, or a parameter is not allowed.
         """
+        if half >= MIN_HALF_PERIOD and data and len(data) % self._word_bytes == 0:
+            reply = self._transfer_words(cycle, data, half)
+            if reply is not None:
+                return reply, cycle + frame_cycles(len(data), half)
         check_frame(data)
         if half < 1:
-            raise UsageError(
-                f"rapcores twin: half a period of {half} cycles; at least 1 is allowed"
-            )
+            raise UsageError(f"{NAME}: half a period of {half} cycles; at least 1 is allowed")
         if cycle <= int(self._board["done"]):
             raise UsageError(
-                f"rapcores twin: a frame at cycle {cycle}, but that is over; cycles from "
+                f"{NAME}: a frame at cycle {cycle}, but that is over; cycles from "
                 f"{self.now + 1} on are allowed"
             )
-        end = cycle + frame_cycles(len(data), half)
-        whole = len(data) * 8 % self.word_bits == 0
-        if whole and half >= MIN_HALF_PERIOD:
-            self.advance(max(cycle - 1, 0))
-            if kernel.takes_words(self._s, cycle, end):
-                return self._transfer_words(cycle, data, half), end
-        return self._transfer_bits(cycle, data, half), end
+        return self._transfer_bits(cycle, data, half), cycle + frame_cycles(len(data), half)
 
-    def _transfer_words(self, cycle: int, data: bytes, half: int) -> bytes:
-        if self.word_bits == WORD_BITS:
-            words = np.frombuffer(data, np.int64)
-        else:
-            words = np.frombuffer(data, np.uint32).astype(np.int64)
-            words.flags.writeable = False  # as the other ones, so that kernels are compiled once
-        replies = np.empty_like(words)
+    def _transfer_words(self, cycle: int, data: bytes, half: int) -> bytes | None:
+        """Send a frame of whole words at once; None, and nothing sent, if that cannot be done."""
+        length = len(data)
+        count = length // self._word_bytes
+        if count > len(self._words):
+            self._make_words(count)
+        self._bytes[:length] = data
         place = 0
-        while (place := kernel.transfer(self._s, place, cycle, half, words, replies)) <= len(words):
-            self._grow()
-        if self.word_bits != WORD_BITS:
-            replies = replies.astype(np.uint32)
-        return replies.tobytes()
+        while place <= count:
+            s = self._s
+            place = kernel.transfer(
+                s.world, s.queue, *s.rows, place, cycle, half, self._words, count
+            )
+            if place == kernel.NOT_BY_WORDS:
+                return None
+            if place <= count:
+                self._grow()
+        return self._bytes[:length].tobytes()
+
+    def _make_words(self, count: int) -> None:
+        """Make room for the words of a frame, which are also its bytes."""
+        size = np.int64 if self.word_bits == WORD_BITS else np.int32
+        self._words = np.zeros(count, size)
+        self._bytes = self._words.data.cast("B")
 
     def _transfer_bits(self, cycle: int, data: bytes, half: int) -> bytes:
         bits = np.unpackbits(np.frombuffer(data, np.uint8))
@@ -326,7 +335,7 @@ class RapcoresTwin:
         """
         if pin not in self.output_pins:
             raise UsageError(
-                f"rapcores twin: no output pin '{pin}'; the pins are {', '.join(self.output_pins)}"
+                f"{NAME}: no output pin '{pin}'; the pins are {', '.join(self.output_pins)}"
             )
         if pin == "cipo":
             return int(self._spi["shown"])
@@ -361,7 +370,7 @@ class RapcoresTwin:
             "executing": bool(board["run"]),
             "halted": bool(board["halted"]),
             "halt_seen": bool(board["halt_seen"]),
-            "ticks_left": int(layout.ticks_left(self._s.world["board"], int(board["done"]) + 1)),
+            "ticks_left": int(layout.ticks_left(self._s.world[0]["board"], int(board["done"]) + 1)),
             **{
                 name: int(board[name])
                 for name in ("used", "divider", "enable", "fault", *layout.COUNTERS)
@@ -410,7 +419,7 @@ def _check(
         if value not in values:
             text = f"{values[0]}..{values[-1]}" if isinstance(values, range) else str(list(values))
             raise UsageError(
-                f"rapcores twin: {name} = {value} in profile {profile} with words of {word_bits} "
+                f"{NAME}: {name} = {value} in profile {profile} with words of {word_bits} "
                 f"bits; allowed are {text}"
             )
 
@@ -421,10 +430,8 @@ def _check_switches(profile: str, word_bits: int, switches: dict[str, int]) -> N
     for name, value in switches.items():
         if profile != owner[name] and value != PROFILES[profile][name]:
             raise UsageError(
-                f"rapcores twin: {name} = {value} in profile {profile}; the switch is for profile "
+                f"{NAME}: {name} = {value} in profile {profile}; the switch is for profile "
                 f"{owner[name]}"
             )
     if switches["v020_info"] and word_bits != WORD_BITS:
-        raise UsageError(
-            f"rapcores twin: v020_info needs words of {WORD_BITS} bits, not of {word_bits}"
-        )
+        raise UsageError(f"{NAME}: v020_info needs words of {WORD_BITS} bits, not of {word_bits}")

@@ -63,10 +63,11 @@ from pulsewright.boards.rapcores.twin_state import (
     show_ready,
     signed,
 )
+from pulsewright.transport.spi_bus import CS_HIGH
 from pulsewright.twin import quadrature
 from pulsewright.twin.clock import NEVER
 from pulsewright.twin.kernel import hot, inlined, kernel
-from pulsewright.twin.recorder import drive, toggle
+from pulsewright.twin.recorder import Rows, drive, toggle
 
 FRAME_END: Final = 4  # cycles from the rise of CS to what it does
 
@@ -76,7 +77,7 @@ FRAME_END: Final = 4  # cycles from the rise of CS to what it does
 @kernel
 def advance_all(s: State, end: int) -> bool:
     """Run all motors up to cycle ``end``, not included; False if a buffer is full."""
-    board = s.world.board
+    board = s.world[0].board
     if board.profile != DOCUMENT:
         return True
     times = Times(max(board.width, 1), max(board.low, 1), max(board.setup, 1), max(board.hold, 1))
@@ -84,7 +85,7 @@ def advance_all(s: State, end: int) -> bool:
     done = True
     for i in range(board.motors):
         pins = (motor_row(i, STEP), motor_row(i, DIRECTION))
-        motor = s.world.motors[i]
+        motor = s.world[0].motors[i]
         if motor.shown < end or motor.done < ticks:
             ran = motion.advance(
                 motor, end, ticks, board.piece_first, board.period, times, s.rows, pins
@@ -96,10 +97,10 @@ def advance_all(s: State, end: int) -> bool:
 @kernel
 def begin_piece(s: State, cycle: int) -> None:
     """Let the ticks from ``cycle`` on be those of the countdown."""
-    board = s.world.board
+    board = s.world[0].board
     board.piece_first = next_tick(board, cycle)
     for i in range(board.motors):
-        s.world.motors[i].done = 0
+        s.world[0].motors[i].done = 0
     board.sequence_at = cycle
     if board.piece_count:
         board.sequence_at = board.piece_first + (board.piece_count - 1) * board.period
@@ -111,12 +112,12 @@ def begin_piece(s: State, cycle: int) -> None:
 @kernel
 def load(s: State, slot: int, cycle: int) -> None:
     """Load a move at edge ``cycle``; the motors must be past it."""
-    board = s.world.board
+    board = s.world[0].board
     hold_telemetry(s)
     board.run = 1
     board.piece_count = board.duration[slot]
     for i in range(board.motors):
-        motor = s.world.motors[i]
+        motor = s.world[0].motors[i]
         motor.increment, motor.change = board.increment[slot, i], board.change[slot, i]
     begin_piece(s, cycle + 1)
 
@@ -124,7 +125,7 @@ def load(s: State, slot: int, cycle: int) -> None:
 @hot
 def sequence(s: State, cycle: int) -> None:
     """End the executing move, or load one, in ``cycle``."""
-    board = s.world.board
+    board = s.world[0].board
     board.sequence_at = NEVER
     if not board.run:
         load(s, board.slot, cycle)
@@ -140,13 +141,13 @@ def sequence(s: State, cycle: int) -> None:
         board.run = board.piece_count = 0
         board.idle_from = cycle + 1
         for i in range(board.motors):
-            s.world.motors[i].done = 0
+            s.world[0].motors[i].done = 0
 
 
 @kernel
 def stop(s: State, cycle: int) -> None:
     """Do what the first halted cycle does; the motors must stand there."""
-    board = s.world.board
+    board = s.world[0].board
     board.halt_at = board.sequence_at = NEVER
     board.halt_seen = 1
     if board.run:
@@ -155,7 +156,7 @@ def stop(s: State, cycle: int) -> None:
     board.used = board.piece_count = board.accept = 0
     board.slot = board.write_slot
     for i in range(board.motors):
-        motor = s.world.motors[i]
+        motor = s.world[0].motors[i]
         motor.position -= motor.backlog + motor.delta
         motor.backlog = motor.delta = motor.done = 0
 
@@ -163,7 +164,7 @@ def stop(s: State, cycle: int) -> None:
 @kernel
 def change_halt(s: State, cycle: int) -> None:
     """Let the board be halted, or not, from the cycle after ``cycle`` on."""
-    board = s.world.board
+    board = s.world[0].board
     halted = 1 if board.soft_halt or board.pin_halt else 0
     if board.profile == DOCUMENT and halted != board.halted:
         board.halted = halted
@@ -175,7 +176,7 @@ def change_halt(s: State, cycle: int) -> None:
 @kernel
 def arm(s: State, cycle: int) -> None:
     """Arm the slot that was written to, at edge ``cycle``."""
-    board = s.world.board
+    board = s.world[0].board
     board.used += 1
     board.write_slot = (board.write_slot + 1) % board.depth
     if not board.run:
@@ -188,7 +189,7 @@ def arm(s: State, cycle: int) -> None:
 @kernel
 def change_divider(s: State, value: int, cycle: int) -> None:
     """Write the divider at edge ``cycle``; the motors must be past it."""
-    board = s.world.board
+    board = s.world[0].board
     board.divider = value
     period = (value & W_DIVIDER_DIVIDER_MASK) + 1
     if board.profile != DOCUMENT:
@@ -208,7 +209,7 @@ def change_divider(s: State, value: int, cycle: int) -> None:
 @kernel
 def change_polarity(s: State, pin: int, changed: int, cycle: int) -> None:
     """Toggle step or direction pins of motors at edge ``cycle``."""
-    for i in range(s.world.board.motors):
+    for i in range(s.world[0].board.motors):
         if changed >> i & 1:
             toggle(s.rows, motor_row(i, pin), cycle)
 
@@ -216,7 +217,7 @@ def change_polarity(s: State, pin: int, changed: int, cycle: int) -> None:
 @kernel
 def write(s: State, address: int, value: int, cycle: int) -> None:
     """Write a configuration register at edge ``cycle``; the motors must be past it."""
-    board = s.world.board
+    board = s.world[0].board
     motors = (1 << board.motors) - 1
     if address == W_ENABLE:
         board.enable = value
@@ -254,7 +255,7 @@ def write(s: State, address: int, value: int, cycle: int) -> None:
 @hot
 def after_message(s: State, cycle: int) -> None:
     """Do what a message left for the end of ``cycle``."""
-    board = s.world.board
+    board = s.world[0].board
     if board.profile != DOCUMENT and (board.arm or board.stores or board.writes):
         original.pass_time(board, cycle + 1)
     if board.stores:
@@ -276,7 +277,7 @@ def after_message(s: State, cycle: int) -> None:
 @kernel
 def end_frame(s: State) -> None:
     """Do what the end of a frame does."""
-    board, spi = s.world.board, s.world.spi
+    board, spi = s.world[0].board, s.world[0].spi
     board.frame_at = NEVER
     if spi.count or spi.partial:
         board.framing += 1
@@ -293,11 +294,11 @@ def end_frame(s: State) -> None:
 @inlined
 def look(s: State, e: int, cycle: int) -> None:
     """Let an encoder see its pins in ``cycle``."""
-    encoder = s.world.encoders[e]
+    encoder = s.world[0].encoders[e]
     if encoder.a == encoder.pin_a and encoder.b == encoder.pin_b:
         return
     if encoder.a != encoder.pin_a and encoder.b != encoder.pin_b:
-        s.world.board.fault |= 1 << e
+        s.world[0].board.fault |= 1 << e
     else:
         step = quadrature.count(encoder.a, encoder.b, encoder.pin_a, encoder.pin_b)
         encoder.old_position, encoder.old_velocity = encoder.position, encoder.velocity
@@ -310,23 +311,23 @@ def look(s: State, e: int, cycle: int) -> None:
 @hot
 def take_pins(s: State, cycle: int) -> None:
     """Bring all pins to what edge ``cycle`` looks at, and let the encoders count."""
-    board, spi, queue = s.world.board, s.world.spi, s.queue
+    board, spi, queue = s.world[0].board, s.world[0].spi, s.queue
     while board.head < queue.shape[0] and queue[board.head, 0] <= cycle:
         pin, level = queue[board.head, 1], queue[board.head, 2]
         board.head += 1
         if pin >= ENCODER_PINS:
             e = (pin - ENCODER_PINS) >> 1
             if (pin - ENCODER_PINS) & 1:
-                s.world.encoders[e].pin_b = level
+                s.world[0].encoders[e].pin_b = level
             else:
-                s.world.encoders[e].pin_a = level
+                s.world[0].encoders[e].pin_a = level
                 if board.head < queue.shape[0]:
                     both = queue[board.head, 0] == cycle and queue[board.head, 1] == pin + 1
                     if both:
                         continue
             if board.in_reset:
                 if board.profile == DOCUMENT:
-                    encoder = s.world.encoders[e]
+                    encoder = s.world[0].encoders[e]
                     encoder.a, encoder.b = encoder.pin_a, encoder.pin_b
             elif cycle > board.check_at or board.check_at == NEVER or board.profile == DOCUMENT:
                 look(s, e, cycle)
@@ -357,7 +358,7 @@ def take_pins(s: State, cycle: int) -> None:
 @kernel
 def check_inputs(s: State, cycle: int) -> None:
     """Look at inputs whose flops have been in reset: the halt pin first, then the encoders."""
-    board = s.world.board
+    board = s.world[0].board
     if cycle == board.check_at - 1:
         board.pin_halt = 1 if board.halt_pin and not board.halt else 0
         change_halt(s, cycle)
@@ -373,7 +374,7 @@ def check_inputs(s: State, cycle: int) -> None:
 @kernel
 def enter_reset(s: State, cycle: int) -> None:
     """Bring everything to its reset value at edge ``cycle``; the motors must be past it."""
-    board = s.world.board
+    board = s.world[0].board
     board.in_reset = 1
     board.reset_at = board.check_at = board.word_at = board.frame_at = NEVER
     board.halt_at = board.sequence_at = NEVER
@@ -396,18 +397,18 @@ def enter_reset(s: State, cycle: int) -> None:
         board.duration[k] = 0
         for i in range(board.motors):
             board.increment[k, i] = board.change[k, i] = 0
-    spi_pins.reset(s.world.spi)
+    spi_pins.reset(s.world[0].spi)
     for i in range(board.motors):
-        motor = s.world.motors[i]
+        motor = s.world[0].motors[i]
         motor.position = motor.fraction = motor.increment = motor.change = motor.done = 0
         motor.delta = motor.backlog = motor.step = motor.direction = motor.lost = 0
         motor.low = motor.hold = motor.setup = 0
     for row in range(FIXED_ROWS + MOTOR_PINS * board.motors):
         drive(s.rows, row, 0, cycle)
-    s.world.spi.shown = 0
+    s.world[0].spi.shown = 0
     show_ready(s, cycle)
     for e in range(board.encoders):
-        encoder = s.world.encoders[e]
+        encoder = s.world[0].encoders[e]
         encoder.position = encoder.velocity = 0
         if board.profile == DOCUMENT:
             encoder.a, encoder.b = encoder.pin_a, encoder.pin_b
@@ -418,7 +419,7 @@ def enter_reset(s: State, cycle: int) -> None:
 @kernel
 def leave_reset(s: State, cycle: int) -> None:
     """Let everything run from ``cycle`` on."""
-    board = s.world.board
+    board = s.world[0].board
     board.in_reset = 0
     board.ready_at = NEVER
     board.check_at = cycle + ENCODER_DELAY
@@ -427,9 +428,9 @@ def leave_reset(s: State, cycle: int) -> None:
     board.base = cycle - 1 + board.period
     board.idle_from = board.core_cycle = cycle
     for i in range(board.motors):
-        s.world.motors[i].shown = cycle
+        s.world[0].motors[i].shown = cycle
     for e in range(board.encoders):
-        s.world.encoders[e].last = cycle - 1
+        s.world[0].encoders[e].last = cycle - 1
 
 
 # ------------------------------------------------------------------------------------- edge by edge
@@ -438,7 +439,7 @@ def leave_reset(s: State, cycle: int) -> None:
 @hot
 def next_event(s: State) -> int:
     """Return the first cycle after ``done`` in which something happens by itself."""
-    board = s.world.board
+    board = s.world[0].board
     first = min(board.reset_at, board.ready_at, board.spi_at)
     if board.head < s.queue.shape[0]:
         first = min(first, s.queue[board.head, 0])
@@ -461,7 +462,7 @@ def stand(s: State, cycle: int) -> bool:
 @hot
 def edge(s: State, cycle: int) -> bool:
     """Do all that happens in ``cycle``; False, and nothing done, if a buffer is full."""
-    board = s.world.board
+    board = s.world[0].board
     if s.rows.full[0]:
         return False
     acts = board.word_at == cycle
@@ -484,7 +485,7 @@ def edge(s: State, cycle: int) -> bool:
     if board.spi_at <= cycle:
         spi_pins.clock(s, cycle)
         spi_pins.show(s, cycle)
-    elif s.world.spi.cs1 == 0:
+    elif s.world[0].spi.cs1 == 0:
         spi_pins.show(s, cycle)
     return True
 
@@ -492,7 +493,7 @@ def edge(s: State, cycle: int) -> bool:
 @hot
 def run_blocks(s: State, cycle: int, acts: bool) -> None:
     """Let messages and moves do what they do in ``cycle``."""
-    board = s.world.board
+    board = s.world[0].board
     if acts:
         board.word_at = NEVER
         message.act(s, board.word_value, cycle)
@@ -510,7 +511,7 @@ def run_blocks(s: State, cycle: int, acts: bool) -> None:
 @kernel
 def run(s: State, cycle: int) -> bool:
     """Do all cycles through ``cycle``; motors stay behind. False if a buffer is full."""
-    board = s.world.board
+    board = s.world[0].board
     while True:
         if board.next_event <= cycle:
             board.next_event = next_event(s)
@@ -525,7 +526,7 @@ def run(s: State, cycle: int) -> bool:
 @kernel
 def settle(s: State) -> bool:
     """Bring all pins to the present cycle; False if a buffer is full."""
-    board = s.world.board
+    board = s.world[0].board
     if s.rows.full[0]:
         return False
     return board.in_reset == 1 or advance_all(s, board.done + 1)
@@ -533,44 +534,69 @@ def settle(s: State) -> bool:
 
 # --------------------------------------------------------------------------------------------- bus
 
+NOT_BY_WORDS: Final = -1
 
-@kernel
+
+@inlined
 def takes_words(s: State, start: int, end: int) -> bool:
     """Tell whether a frame from ``start`` to ``end`` can be taken word by word."""
-    board, queue = s.world.board, s.queue
+    board, queue = s.world[0].board, s.queue
     if board.in_reset or board.bus_pins or board.done != start - 1:
+        return False
+    if board.frame_at != NEVER or board.check_at != NEVER:
         return False
     for k in range(board.head, queue.shape[0]):
         if queue[k, 0] > end:
             break
         if queue[k, 1] < HALT:
             return False
-    frame_ends = board.frame_at != NEVER or board.check_at != NEVER
-    return spi_pins.quiet(board, s.world.spi) and not frame_ends
+    return bool(spi_pins.quiet(board, s.world[0].spi))
 
 
 @kernel
-def transfer(s: State, place: int, start: int, half: int, words: Any, replies: Any) -> int:
-    """Take the words of a frame with CS falling at ``start``, from word ``place`` on.
+def transfer(
+    world: Any,
+    queue: Any,
+    cycles: Any,
+    pins: Any,
+    full: Any,
+    place: int,
+    start: int,
+    half: int,
+    words: Any,
+    count: int,
+) -> int:
+    """Take ``count`` words of a frame with CS falling at ``start``, from word ``place`` on.
 
-    ``replies`` is what comes back with each of them. Return the place to go on from once buffers
-    have room; one more than there are words if the frame is done.
+    The state comes in its parts, which takes a third of the time. Each word is replaced by what
+    comes back with it. Return the place to go on from once buffers have room; one more than there
+    are words if the frame is done; `NOT_BY_WORDS`, with time just before ``start`` at most, if it
+    is to be sent bit by bit.
     """
-    board = s.world.board
+    s = State(world, queue, Rows(cycles, pins, full))
+    board = s.world[0].board
     bits = 2 * half * board.word_bits
-    while place < words.size:
+    rise = start + 2 * half + count * bits
+    if place == 0 and board.word_at == NEVER:
+        if board.done >= start:
+            return NOT_BY_WORDS
+        if not run(s, start - 1):
+            return 0
+        if not takes_words(s, start, rise + max(2 * half, CS_HIGH)):
+            return NOT_BY_WORDS
+    while place < count:
         acts_at = start + half + (place + 1) * bits + spi_pins.FLAG
         if board.word_at == NEVER:
-            replies[place] = board.reply
             board.word_at = acts_at
             board.word_value = words[place]
+            words[place] = board.reply
             board.next_event = 0
         if not run(s, acts_at):
             return place
+        if place == count - 1:
+            spi_pins.after_word(board, s.world[0].spi, board.word_value)
         place += 1
-    rise = start + 2 * half + words.size * bits
-    spi_pins.after_word(board, s.world.spi, words[words.size - 1])
-    if board.profile == DOCUMENT and board.header != HEADER_NOP:
+    if board.profile == DOCUMENT and board.header != HEADER_NOP and board.done < rise:
         board.frame_at = rise + FRAME_END
         board.next_event = 0
     return place + 1 if run(s, rise) else place

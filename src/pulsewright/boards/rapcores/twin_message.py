@@ -124,8 +124,8 @@ def channel_info(board: Any) -> int:
 def motors_mask(s: State, pending: bool) -> int:
     """Return a bit per motor: it owes pulses, or it has lost steps."""
     mask = 0
-    for i in range(s.world.board.motors):
-        motor = s.world.motors[i]
+    for i in range(s.world[0].board.motors):
+        motor = s.world[0].motors[i]
         if (motor.backlog != 0) if pending else (motor.lost != 0):
             mask |= 1 << i
     return mask
@@ -134,7 +134,7 @@ def motors_mask(s: State, pending: bool) -> int:
 @kernel
 def channel(s: State, address: int) -> int:
     """Return a status register of an encoder or a motor; 0 if there is none."""
-    board, world = s.world.board, s.world
+    board, world = s.world[0].board, s.world[0]
     if address < VELOCITY_0:
         e = address - POSITION_0
         return int(world.encoders[e].position) if e < board.encoders else 0
@@ -153,7 +153,7 @@ def channel(s: State, address: int) -> int:
 @kernel
 def status(s: State, address: int, cycle: int) -> int:
     """Return a status register as it is in ``cycle``; the motors must stand there."""
-    board = s.world.board
+    board = s.world[0].board
     value = 0
     if address == R_VERSION:
         value = VERSION
@@ -196,7 +196,7 @@ def status(s: State, address: int, cycle: int) -> int:
 @kernel
 def upstream_status(s: State, address: int) -> int:
     """Return a status register of the original; 0 where it is not known."""
-    board, world = s.world.board, s.world
+    board, world = s.world[0].board, s.world[0]
     if address == R_VERSION:
         return VERSION
     if address == R_CHANNEL_INFO:
@@ -258,14 +258,14 @@ def looks_at_motors(board: Any, word: int) -> bool:
 @kernel
 def clear(s: State, bits: int) -> None:
     """Clear what can be cleared; an event of the same cycle comes after it, and so wins."""
-    board = s.world.board
+    board = s.world[0].board
     if bits & W_CLEAR_COUNTERS_MASK:
         board.completed = board.refused = board.framing = board.aborted = board.unknown = 0
     if bits & W_CLEAR_ENCODER_FAULT_MASK:
         board.fault = 0
     if bits & W_CLEAR_STEP_LOST_MASK:
         for i in range(board.motors):
-            s.world.motors[i].lost = 0
+            s.world[0].motors[i].lost = 0
 
 
 @inlined
@@ -279,10 +279,10 @@ def write_later(board: Any, address: int, value: int) -> None:
 @kernel
 def take_snapshot(s: State, cycle: int) -> None:
     """Keep telemetry as it is in ``cycle``, for the words of a move message."""
-    board = s.world.board
+    board = s.world[0].board
     for e in range(min(board.motors, board.encoders)):
         if board.profile == V020:
-            position = s.world.encoders[e].position
+            position = s.world[0].encoders[e].position
             board.snapshot[2 * e] = 0
             board.snapshot[2 * e + 1] = position & ((1 << board.position_bits) - 1)
         else:
@@ -293,7 +293,7 @@ def take_snapshot(s: State, cycle: int) -> None:
 @inlined
 def move_reply(s: State, word: int, cycle: int) -> int:
     """Return the telemetry that word ``word`` of a move message queues."""
-    board = s.world.board
+    board = s.world[0].board
     n = word - 1
     if n >> 1 >= board.encoders:
         return 0
@@ -316,7 +316,7 @@ def store(board: Any, place: int, word: int) -> None:
 @hot
 def move_word(s: State, word: int, cycle: int) -> None:
     """Take a word of a move message after its header."""
-    board = s.world.board
+    board = s.world[0].board
     k = board.place
     board.place = k + 1
     board.reply = move_reply(s, k, cycle)
@@ -336,7 +336,7 @@ def move_word(s: State, word: int, cycle: int) -> None:
 @kernel
 def open_move(s: State, word: int, cycle: int) -> None:
     """Take the header of a move message."""
-    board = s.world.board
+    board = s.world[0].board
     board.header = HEADER_MOVE
     board.place = 1
     if board.profile == DOCUMENT:
@@ -353,10 +353,10 @@ def open_move(s: State, word: int, cycle: int) -> None:
 @kernel
 def encoder_reply(s: State, e: int) -> int:
     """Return velocity and position of an encoder in one word."""
-    board = s.world.board
+    board = s.world[0].board
     if e >= board.encoders:
         return 0
-    encoder = s.world.encoders[e]
+    encoder = s.world[0].encoders[e]
     position = encoder.position & ((1 << board.position_bits) - 1)
     return int((encoder.velocity & LONG) << board.position_bits | position)
 
@@ -364,7 +364,7 @@ def encoder_reply(s: State, e: int) -> int:
 @kernel
 def v020_word(s: State, header: int, word: int) -> None:
     """Take the header of a message of the original 0.2, other than a move."""
-    board = s.world.board
+    board = s.world[0].board
     if header == HEADER_V020_ENCODER:
         board.reply = encoder_reply(s, word >> 48 & 0xFF)
         board.header = SWALLOWED
@@ -401,7 +401,7 @@ def is_v020(board: Any, header: int) -> bool:
 @hot
 def act(s: State, word: int, cycle: int) -> None:
     """Let a word act in ``cycle``. Where it looks at motors, they must stand there."""
-    board = s.world.board
+    board = s.world[0].board
     if board.header == HEADER_MOVE:
         move_word(s, word, cycle)
         return

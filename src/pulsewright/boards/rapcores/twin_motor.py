@@ -25,6 +25,11 @@ FRACTION: Final = (1 << 63) - 1  # mask
 WHOLE: Final = float(1 << 63)  # one step
 FOREVER: Final = 1 << 40  # ticks: more than a move has
 NEAR: Final = 32  # ticks: fewer are not worth skipping
+SLOW: Final = (1 << 63) // NEAR  # increments below are worth it
+WHOLE_STEP: Final = FRACTION  # one step, less a unit
+LIMIT: Final = 1 << 62  # faster ones are not run in batches, so that nothing can wrap
+STEEP: Final = LIMIT // 128  # as is more change
+BATCH: Final = 128  # ticks that are run without a look at what they do
 MARGIN: Final = 1.0 - 2.0**-20  # of the bound, far more than its rounding where a root is near 0
 
 # DDA: ``done`` ticks of the present piece of a move are integrated. Pulse former: cycles before
@@ -77,6 +82,23 @@ def far(distance: float, speed: float, change: float) -> int:
         root = speed + math.sqrt(speed * speed + 2.0 * change * distance)
         ticks = 2.0 * distance / root if root > 0.0 else 0.0
     return int(min(ticks, float(FOREVER)) * MARGIN) - 2
+
+
+@inlined
+def batch(increment: int, change: int, ticks: int, up: int, times: Times, period: int) -> int:
+    """Return how many ticks, up to ``ticks``, go one way and give pulses that delay no other."""
+    count = min(ticks, BATCH)
+    if not -STEEP < change < STEEP:
+        return 0
+    last = increment + count * change
+    if not (-LIMIT < increment < LIMIT and -LIMIT < last < LIMIT):
+        return 0
+    if (increment >= 0) != (up == 1) or (last >= 0) != (up == 1):
+        return 0
+    fastest = max(abs(increment), abs(last))
+    if WHOLE_STEP // (fastest + 1) * period < times.width + times.low:
+        return 0
+    return count
 
 
 @hot
@@ -184,7 +206,7 @@ def advance(
         simple = motor.step == 0 and motor.backlog == 0
         up = 0 if motor.direction else 1
         while done < ticks:
-            if abs(float(increment)) + NEAR * abs(float(change)) < WHOLE / NEAR:
+            if -SLOW < increment < SLOW and -SLOW < NEAR * change < SLOW:
                 ahead = increment > 0 or (increment == 0 and change > 0)
                 distance = float(FRACTION - fraction if ahead else fraction)
                 if ahead:
@@ -196,6 +218,26 @@ def advance(
                     fraction += skip * increment + skip * (skip - 1) // 2 * change
                     increment += skip * change
                     done += skip
+                    continue
+            elif simple:
+                cycle = first + done * period + 2
+                count = batch(increment, change, ticks - done, up, times, period)
+                count = min(count, (room - at) // 2, (end - 1 - times.width - cycle) // period)
+                if count > 0 and low <= cycle:
+                    # no pulse delays another one; without branches, which could not be predicted
+                    begin = at
+                    for _ in range(count):
+                        total = fraction + increment
+                        rows.cycles[at] = cycle
+                        rows.cycles[at + 1] = cycle + times.width
+                        at += (total >> 62) & 2
+                        fraction = total & FRACTION
+                        increment += change
+                        cycle += period
+                    done += count
+                    if at > begin:
+                        position += (at - begin) // 2 * (2 * up - 1)
+                        low = rows.cycles[at - 1] + times.low
                     continue
             # the rest tick by tick, up to a crossing
             total = fraction

@@ -48,11 +48,11 @@ def to_level(board: Any) -> int:
 @kernel
 def owes(s: State) -> bool:
     """Tell whether ticks change something while no move executes, as in the original 0.2."""
-    board = s.world.board
+    board = s.world[0].board
     if board.profile == UPSTREAM:
         return False
     for i in range(board.motors):
-        if s.world.motors[i].step or s.world.motors[i].fraction > 0:
+        if s.world[0].motors[i].step or s.world[0].motors[i].fraction > 0:
             return True
     return False
 
@@ -60,7 +60,7 @@ def owes(s: State) -> bool:
 @kernel
 def next_event(s: State) -> int:
     """Return the first cycle from ``core_cycle`` on in which a clock edge changes anything."""
-    board = s.world.board
+    board = s.world[0].board
     now = board.core_cycle
     execute = board.run and pending(board)
     if (not board.run and pending(board)) or (execute and board.ticks_left == 0):
@@ -98,9 +98,9 @@ def pass_time(board: Any, cycle: int) -> None:
 @kernel
 def integrate(s: State, execute: bool, cycle: int) -> None:
     """Do what a tick does to the accumulators in ``cycle``."""
-    board = s.world.board
+    board = s.world[0].board
     for i in range(board.motors):
-        motor = s.world.motors[i]
+        motor = s.world[0].motors[i]
         row = motor_row(i, STEP)
         if board.profile == UPSTREAM:
             if not execute:
@@ -128,7 +128,7 @@ def integrate(s: State, execute: bool, cycle: int) -> None:
 @kernel
 def clock(s: State, cycle: int) -> None:
     """Do the edge at the end of ``cycle``, in which something may happen."""
-    board = s.world.board
+    board = s.world[0].board
     pass_time(board, cycle)
     ready = pending(board)
     execute = bool(board.run) and ready
@@ -147,7 +147,7 @@ def clock(s: State, cycle: int) -> None:
         board.run = 1
         board.ticks_left = board.duration[board.slot]
         for i in range(board.motors):
-            s.world.motors[i].increment = board.increment[board.slot, i]
+            s.world[0].motors[i].increment = board.increment[board.slot, i]
     if ends:
         board.run = 0
         board.idle_from = cycle + 1
@@ -161,7 +161,7 @@ def clock(s: State, cycle: int) -> None:
 @kernel
 def arm(s: State, cycle: int) -> None:
     """Toggle the slot that was written to ready, at edge ``cycle``."""
-    board = s.world.board
+    board = s.world[0].board
     board.ready ^= 1 << board.write_slot
     board.write_slot = (board.write_slot + 1) % SLOTS
     show_ready(s, cycle)

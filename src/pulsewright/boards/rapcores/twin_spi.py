@@ -50,7 +50,7 @@ def reset(spi: Any) -> None:
 @hot
 def clock(s: State, cycle: int) -> None:
     """Do the edge at the end of ``cycle``."""
-    board, spi = s.world.board, s.world.spi
+    board, spi = s.world[0].board, s.world[0].spi
     if not board.in_reset:
         rise = spi.sck1 == 1 and spi.sck2 == 0
         fall = spi.sck1 == 0 and spi.sck2 == 1
@@ -87,7 +87,7 @@ def clock(s: State, cycle: int) -> None:
 @kernel
 def show(s: State, cycle: int) -> None:
     """Bring CIPO to its level at edge ``cycle``; 0 while CS is high."""
-    board, spi = s.world.board, s.world.spi
+    board, spi = s.world[0].board, s.world[0].spi
     level = board.reply >> (BITS * spi.count + spi.bit) & 1 if spi.cs1 == 0 else 0
     if level != spi.shown:
         spi.shown = level

@@ -130,7 +130,7 @@ class State(NamedTuple):
 
     Parameters
     ----------
-    world : WORLD
+    world : (1,) WORLD
         Registers and time.
     queue : (events, 3) int64
         Edge that looks at it, pin and level of changes of input pins, by edge.
@@ -138,7 +138,7 @@ class State(NamedTuple):
         Edge buffers of all output pins.
     """
 
-    world: Any
+    world: NDArray[np.void]
     queue: NDArray[np.int64]
     rows: Rows
 
@@ -184,7 +184,7 @@ def ticks_left(board: Any, cycle: int) -> int:
 @kernel
 def show_ready(s: State, cycle: int) -> None:
     """Bring BUFFER_DTR to its level at edge ``cycle``."""
-    board = s.world.board
+    board = s.world[0].board
     if board.profile == DOCUMENT:
         ready = board.used < board.depth and board.halted == 0 and board.halt_seen == 0
     else:
@@ -195,7 +195,7 @@ def show_ready(s: State, cycle: int) -> None:
 @kernel
 def show_directions(s: State, cycle: int) -> None:
     """Bring the direction pins of the original to the bits of its slot at edge ``cycle``."""
-    board = s.world.board
+    board = s.world[0].board
     for i in range(board.motors):
         drive(s.rows, motor_row(i, DIRECTION), board.directions[board.slot] >> i & 1, cycle)
 
@@ -206,10 +206,10 @@ def telemetry(s: State, n: int, cycle: int) -> int:
 
     While no move executes it is the encoder's register of the cycle before.
     """
-    board = s.world.board
+    board = s.world[0].board
     if board.run or cycle <= board.idle_from:
         return int(board.held[n])
-    encoder = s.world.encoders[n >> 1]
+    encoder = s.world[0].encoders[n >> 1]
     late = encoder.last == cycle - 1
     if n & 1:
         return int(encoder.old_velocity if late else encoder.velocity)
@@ -219,7 +219,7 @@ def telemetry(s: State, n: int, cycle: int) -> int:
 @kernel
 def hold_telemetry(s: State) -> None:
     """Let telemetry keep what the encoders have, at a load."""
-    board = s.world.board
+    board = s.world[0].board
     for e in range(board.encoders):
-        board.held[2 * e] = s.world.encoders[e].position
-        board.held[2 * e + 1] = s.world.encoders[e].velocity
+        board.held[2 * e] = s.world[0].encoders[e].position
+        board.held[2 * e + 1] = s.world[0].encoders[e].velocity

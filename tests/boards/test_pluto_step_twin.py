@@ -588,8 +588,8 @@ def test_wrong_use_is_explained():
         twin.advance(99)
     with pytest.raises(UsageError, match=r"digital inputs 0x10000; allowed are 0\.\.0xffff"):
         twin.set_din(0x10000)
-    with pytest.raises(UsageError, match="access of 0 cycles"):
-        PlutoStepTwin(access_cycles=0)
+    with pytest.raises(UsageError, match="access of -1 cycles"):
+        PlutoStepTwin(access_cycles=-1)
     with pytest.raises(BusError, match="access 1 has op 7"):
         transacted(twin, (ADDRESS_WRITE, 0), (7, 0))
     with pytest.raises(BusError, match="array of EPP_ACCESS"):

@@ -82,8 +82,44 @@ def run(
 
 
 @app.command()
-def plan(file: ProgramFile, machine: MachineFile = None, as_json: Json = False) -> None:
+def plan(
+    file: ProgramFile,
+    machine: MachineFile = None,
+    canon: Annotated[
+        bool, typer.Option("--canon", help="Print canonical commands, as rs274 -g does.")
+    ] = False,
+    tools: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="--canon: tool table.")
+    ] = None,
+    parameters: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="--canon: parameter file.")
+    ] = None,
+    subroutines: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FOLDER", help="--canon: folder of subroutine files; repeatable."),
+    ] = None,
+    block_delete: Annotated[
+        bool, typer.Option("--block-delete", help="--canon: skip lines that begin with /.")
+    ] = False,
+    save: Annotated[
+        bool, typer.Option("--save", help="--canon: write parameters and tools back.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
     """Plan a program without running it: time, statistics and the certificate of its limits."""
+    if canon:
+        from pulsewright.app.canon import print_canonical
+
+        print_canonical(
+            file,
+            machine=machine,
+            tools=tools,
+            parameters=parameters,
+            subroutines=subroutines or (),
+            block_delete=block_delete,
+            save=save,
+        )
+        return
     from pulsewright.app import run as job_module
     from pulsewright.app.progress import progress
 
@@ -125,31 +161,78 @@ def program(
 
 @app.command()
 def serve(
-    board: Annotated[str, typer.Argument(metavar="BOARD", help="For example s3g.")],
+    board: Annotated[str, typer.Argument(metavar="BOARD", help="For example usc.")],
     listen: Annotated[
         str,
-        typer.Option(metavar="URL", help="pty:PATH, a pseudo-terminal that other programs open."),
+        typer.Option(
+            metavar="URL",
+            help="epp+unix:PATH, epp+tcp:HOST:PORT; pty:PATH, tcp:HOST:PORT; spi+unix:PATH.",
+        ),
     ],
     profile: Annotated[
         str | None, typer.Option(help="Profile of the board's document switches.")
     ] = None,
-    channels: Annotated[int | None, typer.Option(help="Motors of the board; default 2.")] = None,
+    time: Annotated[
+        str, typer.Option(metavar="MODE", help="EPP: wall, or lockstep:US (servo period).")
+    ] = "wall",
+    access_ns: Annotated[int, typer.Option(help="EPP, lockstep: cost of a request [ns].")] = 1500,
+    boards: Annotated[int, typer.Option(help="usc: boards on the bus.")] = 1,
+    ident: Annotated[
+        str | None, typer.Option(metavar="HEX", help="usc: module ID, 41 or 42.")
+    ] = None,
+    loopback: Annotated[
+        str | None, typer.Option(metavar="on|off", help="usc: steps count in the encoders.")
+    ] = None,
+    require_config: Annotated[
+        bool, typer.Option("--require-config", help="EPP: mute until configuration bytes come.")
+    ] = False,
+    channels: Annotated[int | None, typer.Option(help="s3g: motors; default 2.")] = None,
+    switch: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=N", help="Profile switch or parameter of the board."),
+    ] = None,
+    control: Annotated[
+        str | None, typer.Option(metavar="URL", help="unix:PATH: JSON commands, for tests.")
+    ] = None,
+    remote: Annotated[
+        bool, typer.Option("--remote", help="Allow addresses that other computers can reach.")
+    ] = False,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="EPP: step positions by servo cycle.")
+    ] = None,
     trace: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write all pin changes at the end (.npz).")
+        Path | None, typer.Option(metavar="FILE", help="EPP: all data writes, as text.")
+    ] = None,
+    edges: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="All pin changes, at the end (.npz).")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Put a simulated board behind a real interface, in real time, until interrupted."""
+    """Put a simulated board behind a real interface, until interrupted.
+
+    Prints 'ready' on standard output once clients can come, and what was served at the end.
+    """
     from pulsewright.app import serve as serve_module
 
-    options = {} if channels is None else {"channels": channels}
+    def ready(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+        print("ready", flush=True)
+
     served = serve_module.serve(
         board,
         listen=listen,
         profile=profile,
+        time=time,
+        access_ns=access_ns,
+        boards_on_bus=boards,
+        require_config=require_config,
+        control=control,
+        remote=remote,
+        record=record,
         trace=trace,
-        ready=lambda line: print(line, file=sys.stderr, flush=True),
-        options=options,
+        edges=edges,
+        ready=ready,
+        options=serve_module.options(ident, loopback, channels, switch or []),
     )
     if as_json:
         _print_json(served)

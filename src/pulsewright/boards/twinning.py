@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -200,6 +200,34 @@ class EppTwin(Twin):
         """Pulse nINIT: every board goes to its reset state; the present edge is its edge 0."""
         self.set_ninit(0)
         self.set_ninit(1)
+
+    @property
+    @abstractmethod
+    def serve(self) -> Callable[[int], int]:
+        """Kernel that carries out requests of the EPP socket protocol; see `epp_requests`."""
+
+    @property
+    def storage(self) -> object:
+        """What `addresses` are of: another object as soon as they change."""
+        return self._s
+
+    def addresses(self) -> tuple[int, ...]:
+        """Return where the state is in memory now: words 0 to 8 of the block that `serve` takes."""
+        rows, queue = self._s.rows, self._s.queue
+        first, second = self._state_arrays()
+        return (
+            *(first, second, queue.ctypes.data, len(queue)),
+            *(rows.cycles.ctypes.data, len(rows.cycles)),
+            *(rows.pins.ctypes.data, len(rows.pins), rows.full.ctypes.data),
+        )
+
+    def grow(self) -> None:
+        """Make room for edges, after a kernel has found a buffer full."""
+        self._grow()
+
+    @abstractmethod
+    def _state_arrays(self) -> tuple[int, int]:
+        """Return the addresses of registers and time; the second one is 0 if there is just one."""
 
     @abstractmethod
     def set_ninit(self, level: int) -> None:

@@ -15,6 +15,7 @@ level of cycles, this is how the twin reads it:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -57,6 +58,7 @@ class PlutoStepTwin(EppTwin):
         ``exact`` or ``extended``.
     access_cycles : int
         Time of one access of `transact` [cycle]; default 1.5 us, 10 are the fastest at the pins.
+        With 0 every access can have the cycle it wants.
     bus_pins : bool
         Record the pins ``nwait``, ``nconfig``, ``drive`` (the board drives the data bus) and
         ``data0`` .. ``data7`` (0 while not driven). All but ``nconfig`` follow the strobes given to
@@ -97,9 +99,9 @@ class PlutoStepTwin(EppTwin):
         **switches: int,
     ) -> None:
         self.switches = resolve_switches(MAP, profile, switches)
-        if access_cycles < 1:
+        if access_cycles < 0:
             raise UsageError(
-                f"pluto_step twin: an access of {access_cycles} cycles; at least 1 is allowed"
+                f"pluto_step twin: an access of {access_cycles} cycles; 0 or more are allowed"
             )
         self.profile, self.access_cycles = profile, access_cycles
         super().__init__(
@@ -189,6 +191,16 @@ class PlutoStepTwin(EppTwin):
         }
 
     # ------------------------------------------------------------------------------------- helpers
+
+    @property
+    def serve(self) -> Callable[[int], int]:
+        """Kernel that carries out requests of the EPP socket protocol; see `epp_requests`."""
+        from pulsewright.boards.pluto_step.twin_requests import serve
+
+        return serve
+
+    def _state_arrays(self) -> tuple[int, int]:
+        return self._s.board.ctypes.data, self._s.axes.ctypes.data
 
     def _done(self) -> int:
         return int(self._s.board["done"][0])

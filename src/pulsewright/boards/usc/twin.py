@@ -22,6 +22,7 @@ level of cycles, this is how the twin reads it:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -279,6 +280,16 @@ class UscTwin(EppTwin):
         }
 
     # ------------------------------------------------------------------------------------- helpers
+
+    @property
+    def serve(self) -> Callable[[int], int]:
+        """Kernel that carries out requests of the EPP socket protocol; see `epp_requests`."""
+        from pulsewright.boards.usc.twin_requests import serve
+
+        return serve
+
+    def _state_arrays(self) -> tuple[int, int]:
+        return int(self._s.world.__array_interface__["data"][0]), 0
 
     def _done(self) -> int:
         return int(self._bus["done"])

@@ -1,0 +1,201 @@
+"""Twins whose clock follows the computer's, for boards that do more than answer.
+
+What the computer is late with, the twin catches up, in pieces whose edges fit into little memory.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from pulsewright.edges.trace import EdgeTrace
+from pulsewright.transport.server import Connection
+
+PIECE_S: Final = 0.02  # [s]
+LINE_AHEAD_S: Final = 0.2  # of bytes that wait for a serial line [s]
+
+
+class LivePort:
+    """A board in real time, from `start` on.
+
+    Parameters
+    ----------
+    twin : SerialTwin or SpiTwin
+        In its reset state; with ``drain`` and ``state``.
+    edges : callable, optional
+        Gets the changes of all pins in pieces, each valid during the call only.
+    clock : callable
+        Monotonic time [s].
+    """
+
+    def __init__(
+        self,
+        twin: Any,
+        edges: Callable[[EdgeTrace], None] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.twin, self._edges, self._clock = twin, edges, clock
+        self.start()
+
+    def start(self) -> None:
+        """Let time begin."""
+        self._start = self._clock()
+
+    @property
+    def cycle(self) -> int:
+        """What the clock says the twin's cycle should be."""
+        return int((self._clock() - self._start) * self.twin.clock_hz)
+
+    def catch_up(self) -> None:
+        """Bring the twin to the present."""
+        twin, cycle = self.twin, self.cycle
+        piece = round(PIECE_S * twin.clock_hz)
+        while twin.now < cycle:
+            twin.advance(min(cycle, twin.now + piece))
+            self._look()
+        self._look()
+
+    def reset(self) -> None:
+        """Pulse the reset pin of the board."""
+        self.twin.reset()
+        self._look()
+
+    def _look(self) -> None:
+        chunk = self.twin.drain(copy=False)
+        if self._edges is not None:
+            self._edges(chunk)
+
+
+class SerialPort(LivePort):
+    """The first serial port of a board, with any number of programs at its other end.
+
+    All of them hear what the board sends. Bytes take the time that they take on the wire; a client
+    that sends faster has to wait.
+    """
+
+    def __init__(
+        self,
+        twin: Any,
+        edges: Callable[[EdgeTrace], None] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__(twin, edges, clock)
+        self._sessions: list[SerialSession] = []
+        self._free = 0  # cycle from which on the line is
+
+    def session(self, connection: Connection) -> SerialSession:
+        """Return a session for a client."""
+        self._sessions.append(SerialSession(connection, self))
+        return self._sessions[-1]
+
+    def forget(self, session: SerialSession) -> None:
+        """Serve a client no longer."""
+        self._sessions.remove(session)
+
+    def send(self, data: bytes) -> None:
+        """Put bytes on the wire."""
+        self._free = self.twin.send(1, data)
+        self._pause()
+
+    def tick(self) -> None:
+        """Bring the twin to the present, and the clients what it sent."""
+        self.catch_up()
+        if reply := self.twin.receive(1):
+            for session in list(self._sessions):
+                session.connection.send(reply)
+        self._pause()
+
+    def _pause(self) -> None:
+        full = self._free - self.twin.now > LINE_AHEAD_S * self.twin.clock_hz
+        for session in self._sessions:
+            session.connection.pause(full)
+
+
+class SerialSession:
+    """Bytes of one client."""
+
+    def __init__(self, connection: Connection, port: SerialPort) -> None:
+        self.connection, self._port = connection, port
+
+    def received(self, data: memoryview) -> None:
+        """Put bytes on the wire; see `transport.server.Session`."""
+        self._port.send(bytes(data))
+
+    def closed(self) -> None:
+        """Leave the port."""
+        self._port.forget(self)
+
+
+class SpiPort(LivePort):
+    """The SPI port of a board.
+
+    Parameters
+    ----------
+    half : int
+        Half a period of SCK [cycle].
+    listens : int
+        Cycles from the board's start until it can take a frame.
+    """
+
+    def __init__(
+        self,
+        twin: Any,
+        half: int,
+        listens: int,
+        edges: Callable[[EdgeTrace], None] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__(twin, edges, clock)
+        self._half, self._free = half, listens
+        self._selected = False  # CS was left low
+
+    def reset(self) -> None:
+        """Pulse the reset pin of the board, and let CS be high."""
+        if self._selected:
+            self.twin.schedule([self.twin.now + 1], "cs", 1)
+            self._selected = False
+        super().reset()
+        self._free = self.twin.now + 1
+
+    def transfer(self, data: bytes, keep_selected: bool = False) -> bytes:
+        """Send a frame now and return what the board sent meanwhile.
+
+        Parameters
+        ----------
+        data : bytes
+            At least one.
+        keep_selected : bool
+            Leave CS low: the next frame goes on with this one.
+        """
+        self.catch_up()
+        begin = max(self._free, self.twin.now + 1)
+        if not keep_selected and not self._selected:
+            reply, self._free = self.twin.transfer(begin, data, self._half)
+            return bytes(reply)
+        return self._piece(begin, data, keep_selected)
+
+    def _piece(self, begin: int, data: bytes, keep_selected: bool) -> bytes:
+        """Send a part of a frame, bit by bit; times as in `SpiTwin.transfer`."""
+        twin, half = self.twin, self._half
+        bits = np.unpackbits(np.frombuffer(data, np.uint8))
+        setup = begin + half + 2 * half * np.arange(len(bits))
+        rises = setup + half
+        end = int(rises[-1]) + 2 * half
+        if not self._selected:
+            twin.schedule([begin], "cs", 0)
+        if not keep_selected:
+            twin.schedule([end], "cs", 1)
+        twin.schedule(rises, "sck", 1)
+        twin.schedule(rises + half, "sck", 0)
+        twin.schedule(setup, "copi", bits)
+        reply = []
+        for rise in rises.tolist():
+            twin.advance(rise - 2)
+            reply.append(twin.level("cipo"))
+        twin.advance(end)
+        self._selected = keep_selected
+        self._free = end + 2 * half
+        return np.packbits(np.array(reply, np.uint8)).tobytes()

@@ -1,0 +1,88 @@
+"""Requests of the EPP socket protocol on the board of `twin`, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pulsewright.boards.epp_requests import BLOCK_WORDS, Board, carry_out, memory_at, rows_at
+from pulsewright.boards.pluto_step import twin_kernel
+from pulsewright.boards.pluto_step.twin_kernel import ADDRESSES, AXES, AXIS, BOARD, State
+from pulsewright.transport.bus import DATA_READ
+from pulsewright.twin.kernel import kernel
+from pulsewright.twin.memory import array_at
+
+
+@kernel
+def bring(s: State, cycle: int) -> bool:
+    """Do all edges up to ``cycle``, axes included; False if a buffer is full."""
+    return twin_kernel.run_all(s, cycle)
+
+
+@kernel
+def set_origin(s: State, cycle: int) -> None:
+    """Let edge 0 be at ``cycle``; nothing has happened yet."""
+    s.board[0].origin = cycle
+
+
+@kernel
+def is_marker(s: State, op: int, value: int) -> bool:
+    """Tell whether an access is the first data read of a servo cycle, at address 0."""
+    board = s.board[0]
+    return bool(op == DATA_READ and board.address == 0 and not board.in_reset)
+
+
+@kernel
+def reads_first(s: State, count: int) -> bool:
+    """Tell whether so many data reads touch address 0."""
+    board = s.board[0]
+    return bool(not board.in_reset and -board.address % ADDRESSES < count)
+
+
+@kernel
+def address(s: State) -> int:
+    """Return the address register."""
+    return int(s.board[0].address)
+
+
+@kernel
+def byte(s: State) -> int:
+    """Return the byte last driven on the bus."""
+    return int(s.board[0].byte)
+
+
+@kernel
+def set_byte(s: State, value: int) -> None:
+    """Drive a byte that the board does not see."""
+    s.board[0].byte = value
+
+
+@kernel
+def position(s: State, axis: int) -> int:
+    """Return the pulses of an axis with their sign [step]."""
+    return int(s.axes[axis].steps)
+
+
+@kernel
+def serve(at: int) -> int:
+    """Carry out requests; ``at``: address of the block of addresses. See `carry_out`."""
+    block: NDArray[np.int64] = array_at(at, BLOCK_WORDS, np.int64)
+    s = State(
+        array_at(block[0], 1, BOARD),
+        array_at(block[1], AXES, AXIS),
+        array_at(block[2], (block[3], 3), np.int64),
+        rows_at(block),
+    )
+    board = Board(
+        twin_kernel.transact,
+        bring,
+        twin_kernel.set_ninit,
+        set_origin,
+        is_marker,
+        reads_first,
+        address,
+        byte,
+        set_byte,
+        position,
+    )
+    return carry_out(s, memory_at(block), board)

@@ -8,15 +8,18 @@ from pulsewright.boards.rapcores import registers as reg
 TIMES = range(reg.W_STEP_WIDTH, reg.W_DIR_HOLD + 1)
 
 
-def play(host, seed, *, least_divider, messages=60, motors=4, encoders=4, half=6):
-    """Play traffic on a board; return all replies and the trace of its pins."""
+def play(host, seed, *, least_divider, messages=60, motors=4, encoders=4, half=6, turning=True):
+    """Play traffic on a board; return replies, telemetry and the trace of its pins.
+
+    With ``turning`` encoders change at any time, otherwise only at first.
+    """
     rng = np.random.default_rng(seed)
     host.half = half
     scale = 1 << 8 * host.bytes - 1
     shift = 8 * host.bytes - 64
     header = [word >> -shift if shift else word for word in (STATUS, SWAP, READ, MOVE)]
     status, swap, read, move = header
-    replies, quadrature = [], [0] * encoders
+    replies, telemetry, quadrature = [], [], [0] * encoders
 
     def increment(divider_share=1.0):
         kind = rng.integers(6)
@@ -35,15 +38,15 @@ def play(host, seed, *, least_divider, messages=60, motors=4, encoders=4, half=6
                 host.pin(cycle, f"enc{n}_{signal}", int(phase % 4 in (1, 2)))
             cycle += int(rng.choice([1, 1, 2, 3, 20, 200]))
 
-    for _ in range(messages):
+    for number in range(messages):
         kind = rng.integers(16)
-        if encoders and kind % 2:
+        if encoders and (kind % 2 if turning else number == 0):
             turn(int(rng.choice([20, 300, 3000])))
         start = host.free + int(rng.integers(0, 50)) if rng.random() < 0.5 else None
         if kind < 7:
             duration = int(rng.choice([0, 1, 2, 3, 10, 40, 200]))
             words = [w for _ in range(motors) for w in (increment(), increment(1 / 512))]
-            replies.append(host.send(move, duration, *words, start=start))
+            telemetry.append(host.send(move, duration, *words, start=start))
         elif kind < 11:
             known = [*range(8), *range(0x44, 0x48), 0x84, 0x85, *range(0xC0, 0xC4)]
             known += [*range(0xE0, 0xEB), 0xA5, 0xB0, 0xFE, 0xFF]
@@ -73,5 +76,7 @@ def play(host, seed, *, least_divider, messages=60, motors=4, encoders=4, half=6
             data = rng.integers(0, 256, int(rng.integers(1, 20)), np.uint8).tobytes()
             replies.append(host.board.transfer(host.free, data, half)[0])
             host.free += half * (16 * len(data) + 2) + 2 * half
+        if number == 0:
+            host.run(host.free + 4000)  # encoders stand still
     host.run(host.free + 20_000)
-    return replies, host.board.drain()
+    return replies, telemetry, host.board.drain()

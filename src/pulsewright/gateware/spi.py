@@ -34,6 +34,8 @@ class SpiWordPort(Component):
         With ``strobe``.
     strobe : Out(1)
         A word is complete: cycle f + 4.
+    soon : Out(1)
+        ``strobe`` comes in two cycles.
     byte_strobe : Out(1), received : Out(8)
         ``received`` is byte ``byte`` of a word; for the last one a cycle before ``strobe``.
     byte : Out(range(word_bits // 8))
@@ -59,6 +61,7 @@ class SpiWordPort(Component):
                 "cipo_oe": Out(1),
                 "word": Out(word_bits),
                 "strobe": Out(1),
+                "soon": Out(1),
                 "byte_strobe": Out(1),
                 "received": Out(8),
                 "byte": Out(range(self._bytes)),
@@ -90,6 +93,7 @@ class SpiWordPort(Component):
             m.d.sync += self.received.eq(Cat(copi, self.received))
         m.d.sync += [whole_before.eq(whole), last_before.eq(last)]
         m.d.comb += [
+            self.soon.eq(fall & (bit == 0) & (self.byte == self._bytes - 1)),
             self.byte_strobe.eq(whole & ~whole_before),
             self.strobe.eq(last & ~last_before),
         ]

@@ -103,7 +103,7 @@ class Rapcores(Component):
             _check("word_bits, with v020_info,", word_bits, (reg.WORD_BITS,))
         _check("shared_dda", shared_dda, range(2))
         self._profile, self._position_bits = profile, position_bits
-        self._compact = bool(shared_dda) and document
+        self._compact = bool(shared_dda) and document and not self.switches["v020_info"]
         self._motors, self._encoders = motors, encoders
         self._word_bits, self._depth, self._halt_pin = word_bits, depth, bool(halt_pin)
         ports: dict[str, Member] = {name: In(1) for name in ("rst_n", *BUS, "halt")}

@@ -2,11 +2,33 @@
 
 from __future__ import annotations
 
-from amaranth import Module, Mux, Signal
+from typing import Final
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.memory import Memory
 
-from pulsewright.boards.rapcores.gateware_document import DocumentCore
+from pulsewright.boards.rapcores import registers as reg
+from pulsewright.boards.rapcores.gateware_document import COUNTERS, TIMES, DocumentCore
+from pulsewright.boards.rapcores.gateware_encoder import EncoderInputs
+from pulsewright.boards.rapcores.gateware_pulse import TIMER_BITS
+from pulsewright.boards.rapcores.gateware_registers import (
+    ADDRESS_BITS,
+    ZERO,
+    Block,
+    CountingRegisters,
+    memory_address,
+)
 from pulsewright.boards.rapcores.gateware_shared import SharedDda
+
+COUNTS_BASE: Final = reg.R_STEP_POSITION[0]
+CONFIGURATION: Final = 32  # index of the first configuration register in its blocks
+# Configuration registers that are stored, and bits of each; None: one per motor.
+STORED: Final = (
+    *((reg.W_ENABLE, 32), (reg.W_BRAKE, 32), (reg.W_DIVIDER, 32)),
+    *((place, TIMER_BITS) for place in TIMES.values()),
+    (reg.W_CONTROL, 1),
+    *((reg.W_STEP_POLARITY, None), (reg.W_DIR_POLARITY, None)),
+)
 
 
 class CompactCore(DocumentCore):
@@ -54,20 +76,222 @@ class CompactCore(DocumentCore):
         self._positions(m, dda)
 
     def _positions(self, m: Module, dda: SharedDda) -> None:
-        """Add step positions, and tell pulse formers of their changes."""
-        self._position = [Signal(32, name=f"position{n}") for n in range(self._motors)]
+        """Add registers, and tell them and pulse formers of changes of step positions."""
+        sequencer = self._sequencer
+        m.submodules.registers = self._registers = registers = CountingRegisters(
+            encoders=self._encoders,
+            motors=self._motors,
+            copied=min(self._encoders, self._motors),
+            events=tuple(place - COUNTS_BASE for place in COUNTERS.values()),
+            contents=self._contents(),
+        )
+        m.d.comb += [registers.clear.eq(self.clear), registers.clear_address.eq(self.clear_address)]
         for n, former in enumerate(self._formers):
-            position = self._position[n]
-            m.d.sync += [
-                former.moved.eq(self._sequencer.integrate & dda.moved[n]),
-                former.down.eq(dda.down[n]),
-            ]
+            moved, take = Signal(name=f"moved{n}"), Signal(name=f"take{n}")
             m.d.comb += [
-                former.blocked.eq(self._halted),
-                former.forget.eq(self._halted),
-                self._pending[n].eq(former.owed != 0),
+                moved.eq(sequencer.integrate & dda.moved[n]),
+                registers.moved[n].eq(moved),
+                registers.down[n].eq(dda.down[n]),
+                registers.owed[n].eq(former.owed),
+                registers.take[n].eq(take),
+                former.blocked.eq(self._halted | take),
+                former.forget.eq(registers.taken[n]),
+                self._pending[n].eq((former.owed != 0) & ~take),
             ]
+            m.d.sync += [former.moved.eq(moved), former.down.eq(dda.down[n])]
+            # What is owed as a halt begins is taken back in the turn of the motor.
             with m.If(self._halted):
-                m.d.sync += position.eq(position - former.excess.as_signed())
-            with m.Elif(self._sequencer.integrate & dda.moved[n]):
-                m.d.sync += position.eq(position + Mux(dda.down[n], -1, 1))
+                m.d.sync += take.eq(1)
+            with m.Elif(registers.taken[n]):
+                m.d.sync += take.eq(0)
+
+    def _contents(self) -> dict[int, int]:
+        """Return what is in memory after configuration."""
+        found = {
+            memory_address(Block.FIXED, _fixed(place)): value
+            for place, value in self._constants().items()
+        }
+        for place, _ in STORED:
+            reset = {reg.W_DIVIDER: reg.W_DIVIDER_RESET}.get(place, 0)
+            if place in TIMES.values():
+                reset = reg.W_STEP_WIDTH_RESET
+            found[memory_address(Block.INITIAL, CONFIGURATION | _short(place))] = reset
+        return found
+
+    def _configuration(self, m: Module) -> None:
+        """Add what configuration does; what is read is in memory.
+
+        A register that was not written since the reset is read from a place that is never written.
+        """
+        word, registers, motors = self._spi.word, self._registers, self._motors
+        short = Cat(self._address[:3], self._address[7])
+        self._written = Signal(1 << len(short))
+        bits = Signal(32)  # that are stored
+        known = Signal()
+        with m.Switch(self._address):
+            for place, width in STORED:
+                with m.Case(place):
+                    size = motors if width is None else width
+                    m.d.comb += [bits.eq((1 << size) - 1), known.eq(1)]
+        write = Signal()
+        m.d.sync += write.eq(self._write & known)
+        with m.If(write):
+            m.d.sync += self._written.bit_select(short, 1).eq(1)
+        m.d.comb += [
+            registers.write.eq(write),
+            registers.write_address.eq(
+                Cat(short, Const(CONFIGURATION >> 4, 2), Const(Block.FIXED, 3))
+            ),
+            registers.write_data.eq(word & bits),
+        ]
+
+        def register(target: Value, place: int, value: Value, init: int = 0) -> None:
+            stored = Signal(len(target), init=init, name=f"config{place:02x}")
+            with m.If(self._write & (self._address == place)):
+                m.d.sync += stored.eq(value)
+            m.d.comb += target.eq(stored)
+
+        register(self.en, reg.W_ENABLE, word)
+        register(self._divider, reg.W_DIVIDER, word, reg.W_DIVIDER_RESET)
+        register(self._control, reg.W_CONTROL, word)
+        register(self._step_polarity, reg.W_STEP_POLARITY, word)
+        register(self._dir_polarity, reg.W_DIR_POLARITY, word)
+        time = word[:TIMER_BITS]
+        for name, place in TIMES.items():
+            register(self._times[name], place, time - time.any(), reg.W_STEP_WIDTH_RESET - 1)
+
+    def _encoder_blocks(self, m: Module) -> None:
+        """Add the inputs of encoders."""
+        for n in range(self._encoders):
+            m.submodules[f"encoder{n}"] = encoder = EncoderInputs()
+            m.d.comb += [
+                encoder.a.eq(self.enc_a[n]),
+                encoder.b.eq(self.enc_b[n]),
+                self._registers.count[n].eq(encoder.count),
+                self._registers.up[n].eq(encoder.up),
+            ]
+            self._latch(m, self._encoder_fault[n], encoder.fault, reg.W_CLEAR_ENCODER_FAULT_LSB)
+
+    def _counters(self, m: Module) -> None:
+        """Count events."""
+        m.d.comb += [
+            self._registers.event.eq(Cat(self._events.values())),
+            self._registers.zero.eq(self._cleared(reg.W_CLEAR_COUNTERS_LSB)),
+        ]
+
+    def _replies(self, m: Module) -> None:
+        """Add the reply: 32 bits, and what they become in a longer word."""
+        spi, registers, sequencer = self._spi, self._registers, self._sequencer
+        wide = self._encoders > 32 and self._word_bits > 32
+        self._reply = reply = Signal(64 if wide else 32)
+        self._extend, self._short_reply, self._inverted = Signal(), Signal(), Signal()
+        # Where a reply comes from that is there a cycle late: memory or copies.
+        self._late, self._late_copy = Signal(), Signal()
+        value = Signal(33)
+        m.d.comb += value.eq(
+            Mux(self._late_copy, registers.copied_value, Cat(registers.value, registers.inverted))
+        )
+        with m.If(self._late):
+            m.d.sync += [self._late.eq(0), reply.eq(value[:32]), self._inverted.eq(value[32])]
+        shown, invert, byte = Signal(8), Signal(), spi.byte
+        m.d.comb += [
+            shown.eq(reply.word_select(byte, 8)),
+            invert.eq(self._inverted),
+        ]
+        if self._word_bits > len(reply):
+            with m.If(byte[2]):
+                m.d.comb += shown.eq((reply[31] & self._extend).replicate(8))
+                m.d.comb += invert.eq(self._inverted & self._extend)
+        with m.If(self._short_reply & (byte[0] | byte[1])):
+            m.d.comb += shown.eq(Mux(byte == 1, reply[8:10], 0))
+        with m.If(self._late):
+            m.d.comb += [shown.eq(value[:8]), invert.eq(value[32])]
+        m.d.comb += spi.reply.eq(shown ^ invert.replicate(8))
+
+        m.d.comb += registers.block.eq(spi.soon | spi.byte_strobe | spi.strobe)
+        # Telemetry: at the start of a move, or at the header of a message without one.
+        self._bank, self._newest = Signal(), Signal()  # of the open message, and the last one
+        self._copy = Signal()
+        copying_bank = Signal()
+        m.d.comb += registers.copy.eq(self._copy | sequencer.load)
+        m.d.comb += registers.copy_bank.eq(copying_bank)
+        with m.If(registers.copy):
+            m.d.sync += [copying_bank.eq(~self._bank), self._newest.eq(~self._bank)]
+        with m.If(self._copy):
+            m.d.sync += self._bank.eq(~self._bank)
+
+    def _reply_nothing(self, m: Module) -> None:
+        m.d.sync += [
+            *(self._reply.eq(0), self._late.eq(0), self._extend.eq(0)),
+            *(self._short_reply.eq(0), self._inverted.eq(0)),
+        ]
+
+    def _snapshot(self, m: Module) -> None:
+        with m.If(self._sequencer.run):
+            m.d.sync += self._bank.eq(self._newest)
+        with m.Else():
+            m.d.comb += self._copy.eq(1)
+
+    def _reply_telemetry(self, m: Module) -> None:
+        copied = min(self._encoders, self._motors)
+        if copied:
+            entry = self._number - 1
+            with m.If(self._number < 2 * copied + 1):
+                m.d.sync += [self._late.eq(1), self._late_copy.eq(1), self._extend.eq(1)]
+            m.d.comb += self._registers.copy_address.eq(
+                Cat(entry[: len(self._registers.copy_address) - 1], self._bank)
+            )
+
+    def _reply_status(self, m: Module, address: Value) -> None:
+        registers = self._registers
+        relative = address - reg.R_ENCODER_POSITION[0]
+        block, index = relative[6:8], relative[:6]
+        place = Signal(ADDRESS_BITS)
+        m.d.comb += [place.eq(ZERO), registers.read_address.eq(place)]
+        with m.If(address[6:].all()):
+            m.d.comb += place.eq(Cat(address[:6], Const(Block.COUNTS, 3)))
+        with m.Elif(block == 0):
+            m.d.comb += place.eq(Cat(index, Const(Block.POSITION, 3)))
+        with m.Elif(block == 1):
+            m.d.comb += place.eq(Cat(index, Const(Block.VELOCITY, 3)))
+        with m.Elif((block == 2) & ~index[5]):
+            m.d.comb += place.eq(Cat(index, Const(Block.COUNTS, 3)))
+            m.d.sync += self._short_reply.eq(1)
+        with m.Switch(address):
+            for constant in self._constants():
+                with m.Case(constant):
+                    m.d.comb += place.eq(memory_address(Block.FIXED, _fixed(constant)))
+        m.d.sync += self._extend.eq(~((block == 2) & ~address[6:].all()) & ~address[5:].all())
+        with m.Switch(address):
+            for flags, value in self._flags().items():
+                with m.Case(flags):
+                    m.d.sync += [self._reply.eq(value), self._extend.eq(0)]
+            with m.Default():
+                m.d.comb += registers.read.eq(1)
+                m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+
+    def _reply_configuration(self, m: Module, address: Value) -> None:
+        registers = self._registers
+        short = Cat(address[:3], address[7])
+        m.d.comb += registers.read_address.eq(ZERO)
+        with m.Switch(address), m.Case(*(place for place, _ in STORED)):
+            m.d.comb += [
+                registers.read.eq(1),
+                registers.read_address.eq(
+                    Cat(
+                        *(short, Const(CONFIGURATION >> 4, 2)),
+                        Mux(self._written.bit_select(short, 1), Block.FIXED, Block.INITIAL),
+                    )
+                ),
+            ]
+            m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+
+
+def _fixed(place: int) -> int:
+    """Return the index of a constant status register in block FIXED; 2 is for 0."""
+    return {reg.R_VERSION: 0, reg.R_CHANNEL_INFO: 1, reg.R_BUILD_PARAMETERS: 4}.get(place, 5)
+
+
+def _short(place: int) -> int:
+    """Return the lower bits of the place of a configuration register."""
+    return (place & 7) | (place >> 7 << 3)

@@ -2,8 +2,37 @@
 
 from __future__ import annotations
 
-from amaranth import Module, Mux, Signal
+from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib.wiring import Component, In, Out
+
+
+class EncoderInputs(Component):
+    """Counts of one encoder, from its pins; parameter and pins as of `Encoder`.
+
+    Members
+    -------
+    a, b : In(1)
+    count, up : Out(1)
+        A count in this cycle, and its direction.
+    fault : Out(1)
+        Both have changed at once in this cycle, which counts nothing.
+    """
+
+    def __init__(self, *, primed: bool = True) -> None:
+        self._primed = primed
+        super().__init__({"a": In(1), "b": In(1), "count": Out(1), "up": Out(1), "fault": Out(1)})
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        a, b = (Signal(3, name=name, reset_less=self._primed) for name in "ab")
+        m.d.sync += [a.eq(Cat(self.a, a)), b.eq(Cat(self.b, b))]
+        changed_a, changed_b = a[1] ^ a[2], b[1] ^ b[2]
+        m.d.comb += [
+            self.count.eq(changed_a ^ changed_b),
+            self.up.eq(a[1] ^ b[2]),
+            self.fault.eq(changed_a & changed_b),
+        ]
+        return m
 
 
 class Encoder(Component):
@@ -43,13 +72,16 @@ class Encoder(Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        a, b = (Signal(3, name=name, reset_less=self._primed) for name in "ab")
-        m.d.sync += [a.eq((a << 1) | self.a), b.eq((b << 1) | self.b)]
-        changed_a, changed_b, up = a[1] ^ a[2], b[1] ^ b[2], a[1] ^ b[2]
+        m.submodules.inputs = inputs = EncoderInputs(primed=self._primed)
+        up = inputs.up
         time, counted = Signal(32), Signal()
         m.d.sync += time.eq(time + 1)
-        m.d.comb += self.fault.eq(changed_a & changed_b)
-        with m.If(changed_a ^ changed_b):
+        m.d.comb += [
+            inputs.a.eq(self.a),
+            inputs.b.eq(self.b),
+            self.fault.eq(inputs.fault),
+        ]
+        with m.If(inputs.count):
             m.d.sync += [
                 self.position.eq(self.position + Mux(up, 1, -1)),
                 time.eq(0),

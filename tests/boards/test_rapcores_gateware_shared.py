@@ -1,0 +1,125 @@
+# amaranth: UnusedElaboratable=no
+"""Shared arithmetic does what arithmetic of each motor does, clock by clock, on random traffic.
+
+The core with arithmetic of each motor does the worked vectors; see test_rapcores_gateware.py.
+"""
+
+import dataclasses
+from itertools import pairwise
+
+import pytest
+from rapcores_host import MOVE, STATUS, Host
+from rapcores_traffic import play
+
+from pulsewright.boards.rapcores.gateware import Rapcores
+
+pytestmark = pytest.mark.rtl
+
+U = 1 << 63
+BOARDS = (
+    {},
+    {"motors": 1, "encoders": 1, "depth": 4},
+    {"motors": 2, "encoders": 3, "word_bits": 32},
+)
+LONG = (
+    *BOARDS,
+    {"motors": 8, "encoders": 8, "depth": 8},
+    {"motors": 3, "encoders": 0, "halt_pin": 0},
+    {"motors": 5, "encoders": 2, "cs_reset_message": 0, "word_bits": 32},
+)
+
+
+def compare(seed, options, half=6, **more):
+    """Play the same on both cores; return the number of pin changes."""
+    turning = bool(seed % 2)
+    channels = {name: options.get(name, 4) for name in ("motors", "encoders")}
+    least = Rapcores(shared_dda=1, **options).min_divider
+    found = []
+    for shared in (0, 1):
+        replies, telemetry, trace = play(
+            Host(shared_dda=shared, **options),
+            seed,
+            least_divider=least,
+            half=half,
+            turning=turning,
+            **channels,
+            **more,
+        )
+        if turning:  # telemetry of an encoder that turns may be some cycles younger
+            telemetry = [reply[:2] for reply in telemetry]
+            kept = [n for n, pin in enumerate(trace.pins) if pin != "cipo"]
+            trace = dataclasses.replace(
+                trace,
+                pins=tuple(trace.pins[n] for n in kept),
+                initial=trace.initial[kept],
+                cycles=tuple(trace.cycles[n] for n in kept),
+            )
+        found.append((replies, telemetry, trace))
+    (replies, telemetry, trace), (shared_replies, shared_telemetry, shared_trace) = found
+    assert shared_replies == replies
+    assert shared_telemetry == telemetry
+    assert trace.first_difference(shared_trace) is None
+    return sum(len(cycles) for cycles in trace.cycles)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("options", BOARDS, ids=str)
+def test_shared_arithmetic_is_as_exact(options, seed):
+    assert compare(seed, options, messages=40) > 20
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("half", [2, 6])
+@pytest.mark.parametrize("seed", range(10, 30))
+@pytest.mark.parametrize("options", LONG, ids=str)
+def test_shared_arithmetic_is_as_exact_in_the_long_run(options, seed, half):
+    assert compare(seed, options, half) > 20
+
+
+def test_the_smallest_divider():
+    assert Rapcores().min_divider == 0
+    assert Rapcores(shared_dda=1).min_divider == 22  # 5 entries of 4 slices, and 3 cycles
+    assert Rapcores(shared_dda=1, motors=8, encoders=8).min_divider == 38
+
+
+@pytest.mark.parametrize("divider", [0, 21, 22, 23])
+def test_below_the_smallest_divider_ticks_are_as_far_apart_as_there(divider):
+    host = Host(shared_dda=1)
+    host.write(2, divider)
+    for address in range(0xC0, 0xC4):
+        host.write(address, 5)
+    host.send(MOVE, 5, -U, *[0] * 7)
+    host.run(host.fell + 400)
+    rises = [cycle for cycle, level in host.edges("step0") if level]
+    period = 1 + max(divider, 22)
+    assert [b - a for a, b in pairwise(rises)][1:] == [period] * 3
+    assert host.write(2, 40) == divider
+
+
+def test_telemetry_of_the_start_of_a_move_with_shared_arithmetic():
+    host = Host(shared_dda=1, motors=1, encoders=1)
+    host.pin(400, "enc0_b", 1)
+    host.run(500)
+    start = [(1 << 64) - 1, (1 << 64) - (400 - 253)]
+    assert host.send(MOVE, 60_000, 0, 0) == [0, 0, *start]
+    host.pin(host.free + 10, "enc0_b", 0)
+    host.run(host.free + 50)
+    assert host.send(MOVE, 1, 0, 0) == [0, 0, *start]
+    assert host.status(0x04) == 0
+
+
+def test_a_reset_clears_what_is_in_memory():
+    host = Host(shared_dda=1)
+    host.write(0xC0, 7)
+    host.pin(host.free, "enc2_a", 1)
+    host.send(MOVE, 10, -U, *[0] * 7)
+    host.send(MOVE, 0, *[0] * 8)
+    host.run(host.free + 1000)
+    assert [host.status(place) for place in (6, 0xC0, 0xE2)] == [1, (1 << 64) - 10, 2]
+    host.pin(host.free, "rst_n", 0)
+    host.pin(host.free + 3, "rst_n", 1)
+    host.run(host.free + 300)
+    places = (6, 0x46, 0xC0, 0xE2, 1)
+    assert [host.status(place) for place in places] == [0, 0, 0, 0, 0x20200404]
+    assert host.send(0xF3 << 56 | 0xC0, 0) == [0, 20]
+    assert host.send(STATUS | 0xFE, 0) == [0, 0x2040]

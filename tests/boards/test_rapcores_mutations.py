@@ -1,0 +1,109 @@
+"""Small faults in the twin: the worked vectors find each of them."""
+
+from functools import partial
+from unittest.mock import patch
+
+import pytest
+import test_rapcores_twin as vectors
+from faults import interpreted
+
+ROOM = "pulsewright.boards.rapcores"
+MOTOR, SPI, KERNEL = f"{ROOM}.twin_motor", f"{ROOM}.twin_spi", f"{ROOM}.twin_kernel"
+MESSAGE, ORIGINAL, STATE = f"{ROOM}.twin_message", f"{ROOM}.twin_original", f"{ROOM}.twin_state"
+
+# Where, what is there, what comes in its place, and the test that finds it.
+FAULTS = {
+    "a pulse is one cycle longer": (
+        MOTOR,
+        "fall = cycle + times.width",
+        "fall = cycle + times.width + 1",
+        vectors.test_6_half_a_step_per_clock,
+    ),
+    "direction setup is not kept": (
+        MOTOR,
+        "motor.setup = cycle + times.setup",
+        "motor.setup = cycle",
+        vectors.test_7_a_reversal_between_chained_moves,
+    ),
+    "owed pulses are kept in a halt": (
+        KERNEL,
+        "motor.position -= motor.backlog + motor.delta",
+        "pass",
+        vectors.test_17a_owed_pulses_are_taken_back,
+    ),
+    "a full buffer takes moves": (
+        MESSAGE,
+        "room = board.used < board.depth",
+        "room = True",
+        vectors.test_9_a_third_move_is_refused,
+    ),
+    "a partial word stays": (
+        KERNEL,
+        "spi.count = spi.partial = 0",
+        "pass",
+        vectors.test_15_a_cut_word_is_dropped,
+    ),
+    "halt is forgotten with its release": (
+        KERNEL,
+        "board.halt_seen = 1",
+        "board.halt_seen = 0",
+        vectors.test_17_halt_ends_moves_until_it_is_cleared,
+    ),
+    "a fault is inverted": (
+        MESSAGE,
+        "value = board.fault",
+        "value = ~board.fault",
+        partial(vectors.test_12_both_signals_at_once_are_a_fault, "document", 2),
+    ),
+    "a tick in the load cycle counts": (
+        KERNEL,
+        "begin_piece(s, cycle + 1)",
+        "begin_piece(s, cycle)",
+        vectors.test_6_half_a_step_per_clock,
+    ),
+    "the original always has its own word": (
+        ORIGINAL,
+        "motor.increment += board.increment[board.slot, i]",
+        "motor.increment += board.change[board.slot, i]",
+        partial(
+            vectors.test_18_and_19_a_tick_in_the_load_cycle_is_lost,
+            0,
+            [(0, 0, -1, 0), (-1, 0, -1, 0), (-1, 1, -2, 1), (-1, 0, -2, 1)],
+        ),
+    ),
+    "half a step is not lost in 0.2": (
+        ORIGINAL,
+        "motor.fraction -= IDLE_LOSS",
+        "motor.fraction -= 1",
+        vectors.test_a4_steps_follow_the_sign_of_the_accumulator,
+    ),
+    "velocity counts one more": (
+        KERNEL,
+        "(cycle - encoder.last - 1)",
+        "(cycle - encoder.last)",
+        partial(vectors.test_11_encoder_counts_and_velocities, "document"),
+    ),
+    "a word acts one cycle late": (
+        SPI,
+        "FLAG: Final = 4",
+        "FLAG: Final = 5",
+        vectors.test_10_a_move_of_no_time,
+    ),
+}
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("fault", FAULTS)
+def test_vectors_find(fault):
+    *change, test = FAULTS[fault]
+    twin_class = interpreted(ROOM, *change).RapcoresTwin
+    with patch.object(vectors, "RapcoresTwin", twin_class), pytest.raises(AssertionError):
+        test()
+
+
+@pytest.mark.campaign
+def test_without_a_fault_nothing_is_found():
+    twin_class = interpreted(ROOM).RapcoresTwin
+    with patch.object(vectors, "RapcoresTwin", twin_class):
+        for *_, test in FAULTS.values():
+            test()

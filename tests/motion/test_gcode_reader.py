@@ -6,12 +6,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pulsewright.motion.gcode.reader import Fault, Parameters, _Reader, read_block
+from pulsewright.motion.gcode.faults import Fault
+from pulsewright.motion.gcode.parameters import Parameters
+from pulsewright.motion.gcode.reader import Comment, _Reader, read_line
 
 
 @pytest.fixture
 def parameters():
-    return Parameters(lambda axis: 10.0 + axis)
+    result = Parameters()
+    result.position = lambda axis: 10.0 + axis
+    return result
+
+
+def read_block(text, parameters):
+    """Return the values of a line; None if it asks for nothing."""
+    line = read_line(text)
+    return line and line.block(parameters)
 
 
 def words(text, parameters):
@@ -131,29 +141,60 @@ def test_exists_tells_what_is_set(parameters):
     assert words(text, parameters) == {"X": 1, "Y": 0, "Z": 1, "F": 0}
 
 
-@pytest.mark.parametrize("text", ["", "  \t", "(nothing)", "; nothing", "(a)(b) ; c", "N10"])
+@pytest.mark.parametrize("text", ["", "  \t", "; nothing", "/", " / ; nothing"])
+def test_a_line_that_holds_nothing(text):
+    assert read_line(text) is None
+
+
+@pytest.mark.parametrize("text", ["(nothing)", "(a)(b) ; c", "N10", "N10.5 (x)"])
 def test_a_line_that_asks_for_nothing(text, parameters):
-    assert read_block(text, parameters) is None
+    line = read_line(text)
+    assert not line.asks
+    assert not line.block(parameters).words
 
 
-def test_deleted_lines_are_read_only_without_block_delete(parameters):
-    assert read_block("/ G0 X1", parameters, skip_deleted=False).words == {"X": 1}
-    assert read_block("/ G0 X1", parameters, skip_deleted=True) is None
-    assert read_block(" /nonsense", parameters, skip_deleted=True) is None
+def test_deleted_lines_say_so(parameters):
+    assert read_block("/ G0 X1", parameters).words == {"X": 1}
+    assert read_line("/ G0 X1").deleted
+    assert not read_line("G0 X1 (/)").deleted
 
 
-def test_messages_are_comments_with_a_keyword(parameters):
-    block = read_block(
-        "(plain) G0 (MSG, Mind the ; gap ) X1 (debug,#1)(print,b); msg,no", parameters
-    )
-    assert block.words == {"X": 1}
-    assert block.messages == [("msg", "Mind the ; gap"), ("debug", "#1"), ("print", "b")]
+@pytest.mark.parametrize(
+    ("text", "kind", "what"),
+    [
+        ("G0 (MSG, Mind the ; gap ) X1", "msg", " Mind the ; gap "),
+        ("(debug,#1)", "debug", "#1"),
+        ("( print ,a,b)", "print", "a,b"),
+        ("(logopen,a.txt)", "logopen", "a.txt"),
+        ("( plain )", "comment", "plain "),
+        ("(message, x)", "comment", "message, x"),
+        ("(msg,first)(second) ; (third)", "comment", "second"),  # the last alone counts
+    ],
+)
+def test_comments(text, kind, what):
+    assert read_line(text).comment == Comment(kind, what)
+
+
+def test_o_words():
+    for text, keyword, label, count in (
+        ("o100 sub", "SUB", 100, 0),
+        ("N5 O 0100 EndSub [1]", "ENDSUB", 100, 1),
+        ("o<Some Name> call [1] [#2] [sin[3]]", "CALL", "somename", 3),
+        ("o#1 call", "CALL", None, 0),
+        ("o[#1+1] call [2]", "CALL", None, 1),
+        ("o7 (only a label)", "", 7, 0),
+        ("o1 while #1", "WHILE", 1, 1),
+        ("o1 repeat [3] (comment)", "REPEAT", 1, 1),
+    ):
+        flow = read_line(text).flow
+        assert (flow.keyword, flow.label, len(flow.values)) == (keyword, label, count)
+        assert (flow.node is None) == (label is not None)
 
 
 def test_messages_show_parameters(parameters):
     parameters.set("V", 1.123456789)
-    text = "#<v>, %d#<V> and %f#< v >, %.2f is  #<v>; #1 #<no> #99999"
-    expected = "1.123457, 1 and 1.1235, is 1.12; 0.00 ###### ######"
+    text = "#<v>, %d#<V> and %f#< v >, %.2fis  #<v>; #1 #<no> #99999"
+    expected = "1.123457, 1 and 1.1235, is  1.12; 0.00 ###### ######"
     assert parameters.fill_in(text) == expected
 
 
@@ -177,22 +218,20 @@ def test_fast_and_careful_reading_agree(text):
 
     def outcome(read):
         try:
-            block = read()
+            line = read()
+            block = line and line.block(Parameters())
         except Fault as fault:
             return str(fault), fault.column, fault.text
-        return block and (block.words, block.g, block.m, list(block.settings))
+        return block and (block.words, block.g, block.m, list(block.settings), line.comment)
 
-    parameters = Parameters(lambda axis: 0.0)
-    assert outcome(lambda: read_block(text, parameters)) == outcome(
-        lambda: _Reader(text, parameters).block(skip_deleted=False)
-    )
+    assert outcome(lambda: read_line(text)) == outcome(_Reader(text).read)
 
 
 @given(st.text(max_size=40))
 def test_any_text_is_read_or_refused_with_its_place(text):
     fault = None
     try:
-        read_block(text, Parameters(lambda axis: 0.0))
+        read_block(text, Parameters())
     except Fault as refusal:
         fault = refusal
     if fault is not None:

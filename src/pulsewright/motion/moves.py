@@ -106,7 +106,7 @@ class Event:
 
     ``kind`` is one of ``spindle`` (value: signed rev/min, 0 off), ``orient`` (degrees), ``tool``
     (number), ``mist``, ``flood`` (0 or 1), ``output`` (value; text: what is set), ``input`` (text:
-    what is waited for), ``pause`` (M0, M1, M60), ``message`` (text), ``end`` (M2, M30).
+    what is waited for), ``pause`` (M0, M1), ``message`` (text), ``end`` (M2, M30).
     """
 
     at: int

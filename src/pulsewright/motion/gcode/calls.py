@@ -196,7 +196,7 @@ class StopSpeedFeedSync(NamedTuple):
 
 
 class SetMotionControlMode(NamedTuple):
-    """How corners are passed: ``EXACT_PATH``, ``EXACT_STOP`` or ``CONTINUOUS`` within a tolerance."""
+    """How corners are passed: ``EXACT_PATH``, ``EXACT_STOP``, or ``CONTINUOUS`` in a tolerance."""
 
     mode: str
     tolerance: float = 0.0
@@ -249,7 +249,7 @@ class Output(NamedTuple):
     """Set a digital or analog output, with the motion or at once."""
 
     name: str
-    index: int
+    pin: int
     value: float | None = None
     with_motion: bool = False
 
@@ -257,7 +257,7 @@ class Output(NamedTuple):
 class WaitInput(NamedTuple):
     """Wait for an input: ``kind`` and ``mode`` as M66 has them, ``timeout`` [s]."""
 
-    index: int
+    pin: int
     analog: bool
     mode: int
     timeout: float

@@ -129,9 +129,7 @@ class Compensation:
                     f"the arc's radius of {programmed:.4g} is too small for the tool's radius of "
                     f"{self.radius:.4g}: it would gouge"
                 )
-        element = _Element(
-            self._tool, target, arriving, list(call.end), False, center, call.sweep
-        )
+        element = _Element(self._tool, target, arriving, list(call.end), False, center, call.sweep)
         self._join(element, leaving)
         self._at = end
 
@@ -142,8 +140,11 @@ class Compensation:
         if old is not None and self.radius > 0:
             angle = cmath.phase(leaving / old.direction)  # positive to the left
             inside = angle if self.left else -angle
-            if inside > math.pi - STRAIGHT_ON:
-                inside -= math.tau  # almost straight back: around the end
+            if abs(angle) > math.pi - STRAIGHT_ON:
+                # Almost straight back: around the end, but for an arc that curves to the side
+                # where the tool came along.
+                crosses = new.center is not None and (new.sweep < 0) == self.left
+                inside = abs(angle) if crosses else inside - math.tau * (inside > 0)
             if inside < -STRAIGHT_ON:
                 begin = self._at + self.radius * self._normal * leaving
                 corner = _Element(
@@ -195,7 +196,8 @@ class Compensation:
         self._waiting.append((self.line, self.number, call))
 
     def _flush(self) -> None:
-        for self._canon.line, self._canon.number, waiting in self._waiting:
+        for line, number, waiting in self._waiting:
+            self._canon.line, self._canon.number = line, number
             call = self._call(waiting) if isinstance(waiting, _Element) else waiting
             self._canon.emit(call)
         self._waiting.clear()

@@ -1,4 +1,4 @@
-"""Canned cycles: drilling, tapping and boring in any plane (G73, G74, G81 to G89), threads (G76)."""
+"""Canned cycles: drilling, tapping and boring in any plane, and threads (G76)."""
 
 from __future__ import annotations
 
@@ -242,16 +242,18 @@ class Thread:
         drive, tangent = start[0], math.tan(math.radians(self.angle))
         cut = drive + self.peak + outside * depth
         tapered = cut - outside * self.depth
-        first = start[2] - depth * tangent
-        last = end + (self.depth - depth) * tangent
         toward = -1.0 if end < start[2] else 1.0
+        first = start[2] + toward * depth * tangent
+        last = end - toward * (self.depth - depth) * tangent
         slope = math.hypot(self.depth, self.taper) / self.taper if self.taper else 1.0
 
         def at(x: float, z: float) -> list[float]:
             return [x, start[1], z, *start[3:]]
 
-        away = tapered - self.peak if self.entry else drive
+        away = tapered - self.peak
         emit(c.StraightTraverse(at(away, first)))
+        if not self.entry:
+            emit(c.StraightTraverse(at(cut, first)))
         emit(c.Switch("FEED_OVERRIDE", False))
         if self.entry:
             emit(c.StartSpeedFeedSync(self.pitch * slope))
@@ -259,7 +261,6 @@ class Thread:
             emit(c.StraightFeed(at(cut, first + toward * self.taper)))
             emit(c.StartSpeedFeedSync(self.pitch))
         else:
-            emit(c.StraightTraverse(at(cut, first)))
             emit(c.StartSpeedFeedSync(self.pitch))
         if self.exit:
             emit(c.StraightFeed(at(cut, last - toward * self.taper)))

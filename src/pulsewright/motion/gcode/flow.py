@@ -101,17 +101,21 @@ class Flow:
                 )
             interpreter.finish(percent=self._closed)
         except Fault as fault:
-            line = min(self._next, len(self._source) - 1)
-            text = fault.text or self._source.text(line).strip()
-            raise GcodeError(
-                fault.message,
-                path=self._source.path,
-                line=line + 1,
-                column=fault.column,
-                text=fault.text if fault.column else text,
-            ) from None
+            raise self._error(fault) from None
         if self._empty:
             raise GcodeError("the program is empty: it holds no words", path=self._main.path)
+
+    def _error(self, fault: Fault) -> GcodeError:
+        """Return a fault with its file and line; one without a place is about the whole line."""
+        i = min(self._next, len(self._source) - 1)
+        column, text = fault.column, fault.text
+        if not column and i == self._next:
+            line = self._source.text(i)
+            text = line.strip()
+            column = 1 + len(line) - len(line.lstrip())
+        return GcodeError(
+            fault.message, path=self._source.path, line=i + 1, column=column, text=text
+        )
 
     def _step(self) -> None:
         interpreter, i = self._interpreter, self._next
@@ -163,7 +167,9 @@ class Flow:
                 self._next = call.first
             else:
                 self._leave()
-        # M99 of the main program, which would begin again for ever, ends nothing here.
+        elif not self._calls:
+            # On a machine the main program would begin again, for ever; here once is enough.
+            self._interpreter.end(2)
 
     # One method for each keyword: it returns the next line
 
@@ -349,5 +355,3 @@ class Flow:
             return
         self._enter(_Call(label, caller, self._next + 1, repeat=repeat - 1, first=first))
         self._source, self._next = source, first
-
-

@@ -27,6 +27,7 @@ from pulsewright.motion.gcode.codes import (
 from pulsewright.motion.gcode.compensation import Compensation
 from pulsewright.motion.gcode.cycles import CLEARANCE, STICKY, Hole, Thread
 from pulsewright.motion.gcode.cycles import CYCLES as CYCLE_OF
+from pulsewright.motion.gcode.faults import Fault
 from pulsewright.motion.gcode.offsets import ZERO, Frame
 from pulsewright.motion.gcode.parameters import (
     G92_OFFSET,
@@ -66,10 +67,10 @@ _FEED_MODES: Final = {
 }
 _PATH_MODES: Final = {610: "EXACT_PATH", 611: "EXACT_STOP", 640: "CONTINUOUS"}
 _SWITCHES: Final = {
-    50: ("FEED_OVERRIDE",),
-    51: ("SPEED_OVERRIDE",),
-    52: ("ADAPTIVE_FEED",),
-    53: ("FEED_HOLD",),
+    50: "FEED_OVERRIDE",
+    51: "SPEED_OVERRIDE",
+    52: "ADAPTIVE_FEED",
+    53: "FEED_HOLD",
 }
 _OUTPUTS: Final = {
     62: ("SET_MOTION_OUTPUT_BIT", True),
@@ -403,10 +404,9 @@ class Interpreter:
         do = self._commands.get(command) if command is not None else None
         if do is not None and command is not None:
             do(command, block)
-        if motion is not None:
-            if motion == 800:
-                self._emit(c.Remark("interpreter: motion mode set to none"))
-                self.modal.motion = None
+        if motion == 800:
+            self._emit(c.Remark("interpreter: motion mode set to none"))
+            self.modal.motion = None
         if motion_now is not None and motion_now != 800:
             if has_axes or motion_now not in (0, 10):
                 self._motions[motion_now](motion_now, block)
@@ -631,9 +631,9 @@ class Interpreter:
 
     def _set_switch(self, code: int, block: Block) -> None:
         on = block.words.get("P", 1.0) != 0
-        for name in _SWITCHES[code]:
-            setattr(self.modal, name.lower(), on)
-            self._emit(c.Switch(name, on))
+        name = _SWITCHES[code]
+        setattr(self.modal, name.lower(), on)
+        self._emit(c.Switch(name, on))
 
     def _set_pin(self, code: int, block: Block) -> None:
         words = block.words
@@ -685,7 +685,7 @@ class Interpreter:
     def _set_lathe_mode(self, code: int, _: Block) -> None:
         self.modal.diameter = code == 70
         mode = "diameter" if code == 70 else "radius"
-        self._emit(c.Remark(f"interpreter: Lathe {mode} mode"))
+        self._emit(c.Remark(f"interpreter: Lathe diameter mode changed to {mode}"))
 
     def _set_units(self, code: int, block: Block) -> None:
         scale = INCH if code == 200 else 1.0
@@ -956,8 +956,8 @@ class Interpreter:
         )
         self.tools[number] = tool
         self._say_tool(tool.pocket, tool)
-        if self._tool in (number, 0):
-            self._say_tool(0, tool)
+        if number == (self._tool or next(iter(self.tools))):
+            self._say_tool(0, tool)  # the spindle; before any change it has the first tool
         if number == self._tool:
             self._store_tool()
 
@@ -1035,12 +1035,11 @@ class Interpreter:
         if named:
             self.position = self._target(block)
         self._emit(c.StraightTraverse(self.position.copy()))
-        machine = self.frame.to_machine(self.position)
-        home = self._stored(HOME[command])
+        home = self.frame.to_program(self._stored(HOME[command]))
+        self.position = self.position.copy()
         for letter, axis in self._axis.items():
             if letter in block.words or not named:
-                machine[axis] = home[axis]
-        self.position = self.frame.to_program(machine)
+                self.position[axis] = home[axis]
         self._emit(c.StraightTraverse(self.position.copy()))
 
     def _store_home(self, command: int, _: Block) -> None:
@@ -1078,7 +1077,9 @@ class Interpreter:
         x, y = self.position[:2]
         at_origin = math.hypot(x, y) < RESOLUTION
         if at_origin and (not self.modal.absolute or "^" not in words):
-            raise block.fault("at the origin a polar angle is needed, and it cannot be added to", "@^")
+            raise block.fault(
+                "at the origin a polar angle is needed, and it cannot be added to", "@^"
+            )
         if self.modal.absolute:
             radius = words.get("@", math.hypot(x, y))
             angle = math.radians(words["^"]) if "^" in words else math.atan2(y, x)
@@ -1360,7 +1361,7 @@ class Interpreter:
         """
         kept, now = self.kept[-1], self.modal
         if kept is None:
-            raise self._bare_fault("M72 without M70: no modal state has been kept here")
+            raise Fault("M72 without M70: no modal state has been kept here")
         blank = Block("")
         if kept.scale != now.scale:
             self._set_units(200 if kept.scale == INCH else 210, blank)
@@ -1386,19 +1387,13 @@ class Interpreter:
         now.retract, now.motion = kept.retract, kept.motion
         if (kept.mist, kept.flood) != (now.mist, now.flood):
             self._coolant_off()
-            for code in [7] * kept.mist + [8] * kept.flood:
-                self._set_coolant(code, blank)
-        for code, names in _SWITCHES.items():
-            for name in names:
-                if getattr(kept, name.lower()) != getattr(now, name.lower()):
-                    setattr(now, name.lower(), getattr(kept, name.lower()))
-                    self._emit(c.Switch(name, getattr(kept, name.lower())))
-        assert code
-
-    def _bare_fault(self, message: str) -> Exception:
-        from pulsewright.motion.gcode.faults import Fault
-
-        return Fault(message)
+            for coolant in [7] * kept.mist + [8] * kept.flood:
+                self._set_coolant(coolant, blank)
+        for name in _SWITCHES.values():
+            on = getattr(kept, name.lower())
+            if on != getattr(now, name.lower()):
+                setattr(now, name.lower(), on)
+                self._emit(c.Switch(name, on))
 
     def _subprogram(self, code: int, block: Block) -> None:
         if code == 99:
@@ -1415,10 +1410,10 @@ class Interpreter:
         elif code in (0, 1):
             self._emit(c.ProgramStop(optional=code == 1))
         else:
-            self._end(code)
+            self.end(code)
 
-    def _end(self, code: int) -> None:
-        """Reset what the end of a program resets."""
+    def end(self, code: int) -> None:
+        """End the program; reset what its end resets."""
         self._end_compensation()
         modal = self.modal
         self._use_system(1, shift=False)
@@ -1462,7 +1457,9 @@ class Interpreter:
         def relative(axis: int) -> Callable[[], float]:
             return lambda: self._position_parameter(axis)
 
-        modal = lambda name: lambda: float(getattr(self.modal, name))  # noqa: E731
+        def modal(name: str) -> Callable[[], float]:
+            return lambda: float(getattr(self.modal, name))
+
         known: dict[str, Callable[[], float]] = {
             "_VMAJOR": lambda: 2.9,
             "_VMINOR": lambda: 0.0,

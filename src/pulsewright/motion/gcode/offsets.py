@@ -52,7 +52,10 @@ class Frame:
             x + (work[0] + tool[0]),
             y + (work[1] + tool[1]),
             position[2] * s + shift[2] + (work[2] + tool[2]),
-            *(p + q + (w + t) for p, q, w, t in zip(position[3:], shift[3:], work[3:], tool[3:])),
+            *(
+                p + q + (w + t)
+                for p, q, w, t in zip(position[3:], shift[3:], work[3:], tool[3:], strict=True)
+            ),
         ]
 
     def to_program(self, machine: Sequence[float]) -> list[float]:
@@ -66,5 +69,16 @@ class Frame:
             (x - shift[0]) / s,
             (y - shift[1]) / s,
             (machine[2] - (work[2] + tool[2]) - shift[2]) / s,
-            *(m - (w + t) - q for m, q, w, t in zip(machine[3:], shift[3:], work[3:], tool[3:])),
+            *(
+                m - (w + t) - q
+                for m, q, w, t in zip(machine[3:], shift[3:], work[3:], tool[3:], strict=True)
+            ),
         ]
+
+
+def _sum(position: float, shift: float, work: float, tool: float) -> float:
+    return position + shift + (work + tool)
+
+
+def _difference(machine: float, shift: float, work: float, tool: float) -> float:
+    return machine - (work + tool) - shift

@@ -45,7 +45,7 @@ def _switch(call: c.Switch) -> str:
 
 
 def _output(call: c.Output) -> str:
-    return f"{call.name}({call.index}{'' if call.value is None else f',{call.value:.6f}'})"
+    return f"{call.name}({call.pin}{'' if call.value is None else f',{call.value:.6f}'})"
 
 
 def _tool(call: c.SetToolTableEntry) -> str:

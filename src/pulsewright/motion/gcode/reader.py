@@ -207,7 +207,9 @@ class Line:
                 parameters.check(name, key.span)
                 settings.append((name, value))
             elif letter == "G":
-                block.g.append(self._code(10 * value, "a G code has one decimal at most", start, end))
+                block.g.append(
+                    self._code(10 * value, "a G code has one decimal at most", start, end)
+                )
             elif letter == "M":
                 block.m.append(self._code(value, "an M code is a whole number", start, end))
             else:
@@ -259,7 +261,7 @@ def read_line(text: str) -> Line | None:
                 line._block = block
                 if plain is not text and "(" in text:
                     line.comment = _last_comment(text)
-                    if ("(" in plain or ")" in plain):
+                    if "(" in plain or ")" in plain:
                         return _Reader(text).read()
                 if not (words or g or m or line.comment or line.number):
                     return None
@@ -402,13 +404,14 @@ class _Reader:
         if node is not None and keyword != "CALL":
             self.fail("a label that is worked out works with call alone", start, self.at)
         head = self.at
-        values = []
+        values: list[Node] = []
         while self.at < len(self.line):
             if self.line[self.at] == _GAP:
                 self.at += 1
-            elif (self.line[self.at] == "[" and (
-                keyword in _WITH_VALUES or (keyword in _WITH_VALUE and not values)
-            )) or (keyword in _WITH_VALUE and not values):
+            elif (
+                self.line[self.at] == "["
+                and (keyword in _WITH_VALUES or (keyword in _WITH_VALUE and not values))
+            ) or (keyword in _WITH_VALUE and not values):
                 values.append(self._value())
             else:
                 self.fail(f"this does not belong to {keyword.lower()}", self.at, len(self.line))

@@ -99,10 +99,9 @@ class Recorder:
             c.WaitInput: lambda call: self._event(
                 "input",
                 float(call.mode),
-                f"{'analog' if call.analog else 'digital'} {call.index}",
+                f"{'analog' if call.analog else 'digital'} {call.pin}",
             ),
             c.ProgramStop: lambda call: self._event("pause", text="M1" if call.optional else "M0"),
-            c.PalletShuttle: lambda _: self._event("pause", text="M60"),
             c.ProgramEnd: lambda call: self._event("end", text=f"M{call.code}"),
         }
 
@@ -221,7 +220,13 @@ class Recorder:
             raise Fault("constant surface speed (G96) is not supported in planned motion; use G97")
 
     def _spindle(self, direction: int) -> None:
+        if direction == self._direction == 0:
+            self._stop()
+            return
         self._direction = direction
+        last = self._events[-1] if self._events else None
+        if last and (last.kind, last.line, last.at) == ("spindle", self.line, len(self._lines)):
+            self._events.pop()  # the speed of the same line: one event for both
         self._event("spindle", direction * self._speed)
 
     def _message(self, call: c.Message | c.Print) -> None:
@@ -234,7 +239,7 @@ class Recorder:
     def _output(self, call: c.Output) -> None:
         kind = "analog" if call.value is not None else "digital"
         value = float("SET" in call.name) if call.value is None else call.value
-        self._event("output", value, f"{kind} {call.index}", rest=not call.with_motion)
+        self._event("output", value, f"{kind} {call.pin}", rest=not call.with_motion)
 
     # All of it
 
@@ -305,7 +310,8 @@ class Recorder:
 
 
 def _norm(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    squares: NDArray[np.float64] = np.einsum("ij,ij->i", vectors, vectors)
+    return np.sqrt(squares)
 
 
 def _at(changes: Sequence[tuple[int, T]], i: int) -> T:

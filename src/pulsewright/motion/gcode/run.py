@@ -92,6 +92,7 @@ def _record(source: Source, settings: InterpreterSettings) -> Program:
     try:
         return recorder.program(source.path)
     except Fault as fault:
-        line = recorder.line
-        text = source.text(line - 1).strip() if 0 < line <= len(source) else ""
-        raise GcodeError(fault.message, path=source.path, line=line, text=text) from None
+        text = source.text(recorder.line - 1).strip()
+        raise GcodeError(
+            fault.message, path=source.path, line=recorder.line, column=1, text=text
+        ) from None

@@ -97,7 +97,8 @@ def write_tools(path: str | Path, tools: Mapping[int, Tool], unit: float = 1.0) 
     lines = []
     for tool in tools.values():
         words = [f"T{tool.number}", f"P{tool.pocket}"]
-        lengths = {a: v / (unit if a in "XYZ" else 1.0) for a, v in zip("XYZABC", tool.offset)}
+        offset = zip("XYZABC", tool.offset, strict=True)
+        lengths = {a: v / (unit if a in "XYZ" else 1.0) for a, v in offset}
         angles = {"D": tool.diameter / unit, "I": tool.front_angle, "J": tool.back_angle}
         words += [f"{letter}{v:+.6f}" for letter, v in {**lengths, **angles}.items() if v]
         words += [f"Q{tool.orientation}"] if tool.orientation else []

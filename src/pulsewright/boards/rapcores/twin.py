@@ -261,7 +261,7 @@ class RapcoresTwin:
         if count > len(self._words):
             self._make_words(count)
         self._bytes[:length] = data
-        place = 0
+        place = kernel.FRESH
         while place <= count:
             s = self._s
             place = kernel.transfer(

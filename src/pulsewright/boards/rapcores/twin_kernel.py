@@ -534,7 +534,8 @@ def settle(s: State) -> bool:
 
 # --------------------------------------------------------------------------------------------- bus
 
-NOT_BY_WORDS: Final = -1
+FRESH: Final = -1  # place of a frame that is not begun
+NOT_BY_WORDS: Final = -2
 
 
 @inlined
@@ -543,7 +544,7 @@ def takes_words(s: State, start: int, end: int) -> bool:
     board, queue = s.world[0].board, s.queue
     if board.in_reset or board.bus_pins or board.done != start - 1:
         return False
-    if board.frame_at != NEVER or board.check_at != NEVER:
+    if board.word_at != NEVER or board.frame_at != NEVER or board.check_at != NEVER:
         return False
     for k in range(board.head, queue.shape[0]):
         if queue[k, 0] > end:
@@ -568,7 +569,7 @@ def transfer(
 ) -> int:
     """Take ``count`` words of a frame with CS falling at ``start``, from word ``place`` on.
 
-    The state comes in its parts, which takes a third of the time. Each word is replaced by what
+    ``place`` is `FRESH` at first. The state comes in its parts, which takes a third of the time. Each word is replaced by what
     comes back with it. Return the place to go on from once buffers have room; one more than there
     are words if the frame is done; `NOT_BY_WORDS`, with time just before ``start`` at most, if it
     is to be sent bit by bit.
@@ -577,13 +578,14 @@ def transfer(
     board = s.world[0].board
     bits = 2 * half * board.word_bits
     rise = start + 2 * half + count * bits
-    if place == 0 and board.word_at == NEVER:
+    if place == FRESH:
         if board.done >= start:
             return NOT_BY_WORDS
         if not run(s, start - 1):
-            return 0
+            return FRESH
         if not takes_words(s, start, rise + max(2 * half, CS_HIGH)):
             return NOT_BY_WORDS
+        place = 0
     while place < count:
         acts_at = start + half + (place + 1) * bits + spi_pins.FLAG
         if board.word_at == NEVER:

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from pulsewright import open_board
+from pulsewright.boards.playing import Drives
 from pulsewright.boards.rapcores import player as player_module
 from pulsewright.boards.rapcores.driver import RapcoresDriver
 from pulsewright.boards.rapcores.messages import Codec
 from pulsewright.boards.rapcores.player import RapcoresPlayer, Told
 from pulsewright.boards.rapcores.twin import RapcoresTwin
 from pulsewright.edges.path import StepCounter, numbered_pins
+from pulsewright.edges.timing import DriveTiming
 from pulsewright.errors import BusError, EstopError, MotionLimitError, StarvedError, UsageError
 from pulsewright.motion.trajectory import Trajectory
 from pulsewright.transport.spi_bus import SpiBus, VirtualSpiBus
@@ -33,15 +35,10 @@ def swing(seconds, amplitude, rate, motors=2, slope=0.0):
 
 
 def play_on(driver, plan, **changes):
-    limits = {
-        "rates": [20_000.0] * plan.axes,
-        "accelerations": [160_000.0] * plan.axes,
-        "pulse_width": 2.5e-6,
-        "pulse_space": 2.5e-6,
-        "direction_setup": 5e-6,
-        "direction_hold": 5e-6,
-    }
-    return RapcoresPlayer(driver, plan, **limits | changes)
+    motors = {"rates": [20_000.0] * plan.axes, "accelerations": [160_000.0] * plan.axes}
+    width = changes.pop("pulse_width", 2.5e-6)
+    timing = DriveTiming(width=width, space=2.5e-6, setup=5e-6, hold=5e-6)
+    return RapcoresPlayer(driver, plan, Drives(**motors | changes, timing=timing))
 
 
 class Slow(VirtualSpiBus):

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from pulsewright import open_board
+from pulsewright.boards.playing import Drives
 from pulsewright.boards.s3g import player as player_module
 from pulsewright.boards.s3g.driver import S3GDriver
 from pulsewright.boards.s3g.player import S3GPlayer
 from pulsewright.boards.s3g.twin import S3GTwin
 from pulsewright.edges.path import StepCounter, numbered_pins
+from pulsewright.edges.timing import DriveTiming
 from pulsewright.errors import BusError, EstopError, MotionLimitError, StarvedError, UsageError
 from pulsewright.motion.trajectory import Trajectory
 from pulsewright.transport.serial_bus import VirtualSerialBus
@@ -61,15 +63,10 @@ class Rough(VirtualSerialBus):
 
 
 def play_on(driver, plan, **changes):
-    limits = {
-        "rates": [20_000.0] * plan.axes,
-        "accelerations": [160_000.0] * plan.axes,
-        "pulse_width": 2.5e-6,
-        "pulse_space": 2.5e-6,
-        "direction_setup": 5e-6,
-        "direction_hold": 5e-6,
-    }
-    return S3GPlayer(driver, plan, **limits | changes)
+    motors = {"rates": [20_000.0] * plan.axes, "accelerations": [160_000.0] * plan.axes}
+    width = changes.pop("pulse_width", 2.5e-6)
+    timing = DriveTiming(width=width, space=2.5e-6, setup=5e-6, hold=5e-6)
+    return S3GPlayer(driver, plan, Drives(**motors | changes, timing=timing))
 
 
 def rough(plan, *, profile="exact", seed=1, **options):

@@ -13,6 +13,7 @@ import numpy as np
 
 from pulsewright import boards
 from pulsewright.app.progress import Progress, silent
+from pulsewright.boards.playing import Drives
 from pulsewright.edges.path import numbered_pins
 from pulsewright.edges.timing import DriveTiming
 from pulsewright.edges.trace import EdgeTrace
@@ -184,12 +185,7 @@ class Job:
             player = room.player(
                 driver,
                 self.trajectory.mapped(matrix),
-                rates=scale @ velocity,
-                accelerations=scale @ acceleration,
-                pulse_width=drive.width,
-                pulse_space=drive.space,
-                direction_setup=drive.setup,
-                direction_hold=drive.hold,
+                Drives(scale @ velocity, scale @ acceleration, drive),
             )
             with self.clock.stage("convert and run"):
                 player.prepare()

@@ -45,7 +45,8 @@ class Board:
     driver : callable
         ``driver(bus, profile, **options)`` returns a driver for a board on an open bus.
     player : callable
-        ``player(driver, trajectory, **limits)`` returns what plays planned motion on the board.
+        ``player(driver, trajectory, drives)`` returns what plays planned motion on the board, with
+        `Drives` that tell what the motors allow.
     sizes : mapping of str to mapping of str to int
         For FPGA families that are too small for all of a board: parameters of ``gateware`` with
         which it fits.

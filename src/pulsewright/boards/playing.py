@@ -4,17 +4,36 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.edges.timing import DriveTiming
 from pulsewright.errors import MotionLimitError
 
 if TYPE_CHECKING:
     from pulsewright.motion.trajectory import Trajectory
 
 U = TypeVar("U")  # updates: native commands in columns, of one board
+
+
+@dataclass(frozen=True)
+class Drives:
+    """What the motors of a machine may do, and what their drives need to see.
+
+    Parameters
+    ----------
+    rates, accelerations : (motors,) float
+        The most that each motor may do [step/s, step/s^2].
+    timing : DriveTiming
+    """
+
+    rates: Sequence[float] | NDArray[np.float64]
+    accelerations: Sequence[float] | NDArray[np.float64]
+    timing: DriveTiming
 
 
 class UpdateConverter(ABC, Generic[U]):

@@ -11,6 +11,7 @@ from pulsewright.boards.pluto_step.registers import DEFAULT_PROFILE, PROFILES
 
 if TYPE_CHECKING:
     from pulsewright.boards.golden import Recordings
+    from pulsewright.boards.playing import Drives
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
     from pulsewright.boards.pluto_step.gateware import PlutoStep
     from pulsewright.boards.pluto_step.player import PlutoStepPlayer
@@ -61,10 +62,10 @@ def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> Plu
     return PlutoStepDriver(bus, profile=profile, **switches)
 
 
-def _player(driver: PlutoStepDriver, trajectory: Trajectory, **limits: Any) -> PlutoStepPlayer:
+def _player(driver: PlutoStepDriver, trajectory: Trajectory, drives: Drives) -> PlutoStepPlayer:
     from pulsewright.boards.pluto_step.player import PlutoStepPlayer
 
-    return PlutoStepPlayer(driver, trajectory, **limits)
+    return PlutoStepPlayer(driver, trajectory, drives)
 
 
 def _recordings() -> Recordings[Any]:

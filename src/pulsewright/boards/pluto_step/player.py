@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from pulsewright.boards.playing import UpdatePlayer
+from pulsewright.boards.playing import Drives, UpdatePlayer
 from pulsewright.boards.pluto_step import registers as reg
 from pulsewright.boards.pluto_step.commands import Converter, PulseTiming, Updates
 from pulsewright.errors import MotionLimitError, RegisterValueError
@@ -26,29 +25,21 @@ class PlutoStepPlayer(UpdatePlayer[Updates]):
         Of the board; nothing else may use it while this plays.
     trajectory : Trajectory
         Motor positions [step].
-    rates, accelerations : sequence of float
-        The most that each motor may do [step/s, step/s^2].
-    pulse_width, pulse_space, direction_setup, direction_hold : float
-        Minima of the drives [s].
+    drives : Drives
     """
 
     def __init__(
         self,
         driver: PlutoStepDriver,
         trajectory: Trajectory,
-        *,
-        rates: Sequence[float],
-        accelerations: Sequence[float],
-        pulse_width: float,
-        pulse_space: float,
-        direction_setup: float,
-        direction_hold: float,
+        drives: Drives,
     ) -> None:
         super().__init__(driver, trajectory)
-        self.rate, self.acceleration = max(rates), max(accelerations)
-        self.pulse_width, self.pulse_space = pulse_width, pulse_space
+        self.rate, self.acceleration = max(drives.rates), max(drives.accelerations)
+        timing = drives.timing
+        self.pulse_width, self.pulse_space = timing.width, timing.space
         # the hold time counts from the active edge; the board waits from the other one on
-        self.direction_time = max(direction_setup, direction_hold - pulse_width)
+        self.direction_time = max(timing.setup, timing.hold - timing.width)
 
     def prepare(self) -> None:
         """Bring the board from any state to rest, with its watchdog on.

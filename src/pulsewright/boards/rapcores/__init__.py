@@ -16,6 +16,7 @@ from pulsewright.boards.rapcores.registers import (
 
 if TYPE_CHECKING:
     from pulsewright.boards.golden import Recordings
+    from pulsewright.boards.playing import Drives
     from pulsewright.boards.rapcores.driver import RapcoresDriver
     from pulsewright.boards.rapcores.gateware import Rapcores
     from pulsewright.boards.rapcores.player import RapcoresPlayer
@@ -63,10 +64,10 @@ def _driver(bus: SpiBus, profile: str = DEFAULT_PROFILE, **options: int) -> Rapc
     return RapcoresDriver(bus, profile=profile, **options)
 
 
-def _player(driver: RapcoresDriver, trajectory: Trajectory, **limits: Any) -> RapcoresPlayer:
+def _player(driver: RapcoresDriver, trajectory: Trajectory, drives: Drives) -> RapcoresPlayer:
     from pulsewright.boards.rapcores.player import RapcoresPlayer
 
-    return RapcoresPlayer(driver, trajectory, **limits)
+    return RapcoresPlayer(driver, trajectory, drives)
 
 
 def _parameters_for(motors: int) -> dict[str, int]:

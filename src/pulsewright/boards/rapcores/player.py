@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.boards.playing import Drives
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.commands import (
     Converter,
@@ -122,34 +123,25 @@ class RapcoresPlayer:
         Of the board; nothing else may use it while this plays.
     trajectory : Trajectory
         Motor positions [step].
-    rates, accelerations : sequence of float
-        The most that each motor may do [step/s, step/s^2].
-    pulse_width, pulse_space, direction_setup, direction_hold : float
-        Minima of the drives [s].
-
+    drives : Drives
     """
 
     def __init__(
         self,
         driver: RapcoresDriver,
         trajectory: Trajectory,
-        *,
-        rates: Sequence[float],
-        accelerations: Sequence[float],
-        pulse_width: float,
-        pulse_space: float,
-        direction_setup: float,
-        direction_hold: float,
+        drives: Drives,
     ) -> None:
         self.driver = driver
         self.trajectory = trajectory
-        self.rates, self.accelerations = rates, accelerations
+        self.rates, self.accelerations = drives.rates, drives.accelerations
+        timing = drives.timing
         self._times: _Times = {
-            "pulse_width": pulse_width,
-            "pulse_space": pulse_space,
-            "direction_setup": direction_setup,
+            "pulse_width": timing.width,
+            "pulse_space": timing.space,
+            "direction_setup": timing.setup,
             # it counts from the active edge; the board waits from the other one on
-            "direction_hold": max(direction_hold - pulse_width, 0.0),
+            "direction_hold": max(timing.hold - timing.width, 0.0),
         }
         self._job: _Job | None = None
         self._stopped: StarvedError | None = None

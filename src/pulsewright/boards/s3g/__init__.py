@@ -17,6 +17,7 @@ from pulsewright.boards.s3g.registers import (
 
 if TYPE_CHECKING:
     from pulsewright.boards.golden import Recordings
+    from pulsewright.boards.playing import Drives
     from pulsewright.boards.rtl_serial import RtlSerialBoard
     from pulsewright.boards.s3g.driver import S3GDriver
     from pulsewright.boards.s3g.gateware import S3G
@@ -78,10 +79,10 @@ def _driver(bus: SerialBus, profile: str = DEFAULT_PROFILE, **options: int) -> S
     return S3GDriver(bus, profile=profile, baud=options.get("baud1", BAUD1), **kept)
 
 
-def _player(driver: S3GDriver, trajectory: Trajectory, **limits: Any) -> S3GPlayer:
+def _player(driver: S3GDriver, trajectory: Trajectory, drives: Drives) -> S3GPlayer:
     from pulsewright.boards.s3g.player import S3GPlayer
 
-    return S3GPlayer(driver, trajectory, **limits)
+    return S3GPlayer(driver, trajectory, drives)
 
 
 def _parameters_for(motors: int) -> dict[str, int]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.boards.playing import Drives
 from pulsewright.boards.s3g import registers as reg
 from pulsewright.boards.s3g.commands import (
     FINISHED,
@@ -51,32 +51,24 @@ class S3GPlayer:
         Of the board; nothing else may use it while this plays, but for its outputs.
     trajectory : Trajectory
         Motor positions [step].
-    rates, accelerations : sequence of float
-        The most that each motor may do [step/s, step/s^2].
-    pulse_width, pulse_space, direction_setup, direction_hold : float
-        Minima of the drives [s].
+    drives : Drives
     """
 
     def __init__(
         self,
         driver: S3GDriver,
         trajectory: Trajectory,
-        *,
-        rates: Sequence[float],
-        accelerations: Sequence[float],
-        pulse_width: float,
-        pulse_space: float,
-        direction_setup: float,
-        direction_hold: float,
+        drives: Drives,
     ) -> None:
         self.driver = driver
         self.trajectory = trajectory
-        self.rates, self.accelerations = rates, accelerations
+        self.rates, self.accelerations = drives.rates, drives.accelerations
+        timing = drives.timing
         self._times = {
-            "pulse_width": pulse_width,
-            "pulse_space": pulse_space,
-            "direction_setup": direction_setup,
-            "direction_hold": direction_hold,
+            "pulse_width": timing.width,
+            "pulse_space": timing.space,
+            "direction_setup": timing.setup,
+            "direction_hold": timing.hold,
         }
         self._job: _Job | None = None
         self._stopped: StarvedError | None = None

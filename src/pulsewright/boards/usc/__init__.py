@@ -10,6 +10,7 @@ from pulsewright.boards.board import Board
 from pulsewright.boards.usc.registers import DEFAULT_PROFILE, PROFILES
 
 if TYPE_CHECKING:
+    from pulsewright.boards.playing import Drives
     from pulsewright.boards.rtl_board import RtlEppBoard
     from pulsewright.boards.usc.driver import UscDriver
     from pulsewright.boards.usc.gateware import Usc
@@ -58,10 +59,10 @@ def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> Usc
     return UscDriver(bus, profile=profile, **switches)
 
 
-def _player(driver: UscDriver, trajectory: Trajectory, **limits: Any) -> UscPlayer:
+def _player(driver: UscDriver, trajectory: Trajectory, drives: Drives) -> UscPlayer:
     from pulsewright.boards.usc.player import UscPlayer
 
-    return UscPlayer(driver, trajectory, **limits)
+    return UscPlayer(driver, trajectory, drives)
 
 
 BOARD: Final = Board(

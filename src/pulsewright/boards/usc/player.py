@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from pulsewright.boards.playing import UpdatePlayer
+from pulsewright.boards.playing import Drives, UpdatePlayer
 from pulsewright.boards.usc import registers as reg
 from pulsewright.boards.usc.commands import Converter, PulseTiming, Updates
 
@@ -26,30 +25,22 @@ class UscPlayer(UpdatePlayer[Updates]):
         Of the board; nothing else may use it while this plays.
     trajectory : Trajectory
         Motor positions [step].
-    rates, accelerations : sequence of float
-        The most that each motor may do [step/s, step/s^2].
-    pulse_width, pulse_space, direction_setup, direction_hold : float
-        Minima of the drives [s].
+    drives : Drives
     """
 
     def __init__(
         self,
         driver: UscDriver,
         trajectory: Trajectory,
-        *,
-        rates: Sequence[float],
-        accelerations: Sequence[float],
-        pulse_width: float,
-        pulse_space: float,
-        direction_setup: float,
-        direction_hold: float,
+        drives: Drives,
     ) -> None:
         super().__init__(driver, trajectory)
-        self.rate, self.acceleration = max(rates), max(accelerations)
-        self.pulse_width = max(pulse_width, 1 / reg.TICK_HZ)
-        self.pulse_space = pulse_space
+        self.rate, self.acceleration = max(drives.rates), max(drives.accelerations)
+        timing = drives.timing
+        self.pulse_width = max(timing.width, 1 / reg.TICK_HZ)
+        self.pulse_space = timing.space
         # the hold time counts from the active edge; the board waits from the other one on
-        self.setup_time = max(direction_setup, direction_hold - self.pulse_width, 1 / reg.TICK_HZ)
+        self.setup_time = max(timing.setup, timing.hold - self.pulse_width, 1 / reg.TICK_HZ)
 
     def prepare(self) -> None:
         """Bring the board from any state out of emergency stop, at rest.

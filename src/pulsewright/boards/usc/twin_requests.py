@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards.epp_requests import BLOCK_WORDS, Board, carry_out, memory_at, rows_at
+from pulsewright.boards import epp_requests
+from pulsewright.boards.epp_requests import BLOCK_WORDS, Board, rows_at
 from pulsewright.boards.usc import twin_kernel
 from pulsewright.boards.usc.twin_kernel import PAGE, WORLD, State
 from pulsewright.transport.bus import DATA_WRITE
 from pulsewright.twin.kernel import kernel
-from pulsewright.twin.memory import array_at
+from pulsewright.twin.memory import array_at, unlocked
 
 
 @kernel
@@ -65,9 +66,9 @@ def position(s: State, axis: int) -> int:
     return int(s.world.axes[0, axis].position)
 
 
-@kernel
+@unlocked
 def serve(at: int) -> int:
-    """Carry out requests; ``at``: address of the block of addresses. See `carry_out`."""
+    """Carry out requests; ``at``: where the block of addresses is. See `epp_requests.serve`."""
     block: NDArray[np.int64] = array_at(at, BLOCK_WORDS, np.int64)
     s = State(
         array_at(block[0], 1, WORLD)[0],
@@ -86,4 +87,4 @@ def serve(at: int) -> int:
         set_byte,
         position,
     )
-    return carry_out(s, memory_at(block), board)
+    return epp_requests.serve(s, board, block)

@@ -185,7 +185,7 @@ class Job:
             player = room.player(
                 driver,
                 self.trajectory.mapped(matrix),
-                Drives(scale @ velocity, scale @ acceleration, drive),
+                Drives((scale @ velocity).tolist(), (scale @ acceleration).tolist(), drive),
             )
             with self.clock.stage("convert and run"):
                 player.prepare()

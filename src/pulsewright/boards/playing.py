@@ -31,8 +31,8 @@ class Drives:
     timing : DriveTiming
     """
 
-    rates: Sequence[float] | NDArray[np.float64]
-    accelerations: Sequence[float] | NDArray[np.float64]
+    rates: Sequence[float]
+    accelerations: Sequence[float]
     timing: DriveTiming
 
 

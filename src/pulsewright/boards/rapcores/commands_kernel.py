@@ -42,7 +42,7 @@ def sample(
 @inlined
 def goal(plan: Floats, i: int, q: int) -> float:
     """Return where the accumulator of motor ``i`` should be at quarter ``q`` [step]."""
-    x = plan[q, i] + 0.5
+    x: float = plan[q, i] + 0.5
     if plan[q - 2, i] == plan[q, i] or plan[q, i] == plan[q + 2, i]:  # at rest
         step = math.floor(x)
         x = min(max(x, step + CLEAR), step + 1 - CLEAR)  # clear of the crossings
@@ -105,7 +105,7 @@ def fits(plan: Floats, q: int, here: Floats, length: int, ticks: int) -> bool:
 @kernel
 def put(
     state: Ints, i: int, target: float, ticks: int, bits: int, speed: float, bow: float
-) -> tuple[int, int]:
+) -> tuple[np.int64, np.int64]:
     """Bring an accumulator to ``target`` [step] as closely as a move can; return its increments.
 
     Floats are off by more than a unit, but what they leave is small, and so exact modulo 2^64.

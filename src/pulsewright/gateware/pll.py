@@ -148,11 +148,11 @@ def _ecp5(reference_hz: int, clock_hz: int) -> Pll | None:
             return pll
     # A second output, which is not fed back, can have a fraction of the oscillator.
     references = range(1, reference_hz // _ECP5_PFD[0] + 1)
-    for reference, multiplier, output in product(references, range(1, 81), range(1, 129)):
-        oscillator = Fraction(reference_hz * multiplier * output, reference)
+    for reference, feedback, output in product(references, range(1, 81), range(1, 129)):
+        oscillator = Fraction(reference_hz * feedback * output, reference)
         second = oscillator / clock_hz
         if _within(oscillator, _ECP5_VCO) and second.denominator == 1 and second <= 128:
-            return Pll("ecp5", reference_hz, reference, multiplier, output, second=int(second))
+            return Pll("ecp5", reference_hz, reference, feedback, output, second=int(second))
     return None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Cat, Const, Module, Mux, Signal
+from amaranth import Cat, Module, Signal
 from amaranth.lib.wiring import Component, In, Out
 
 TIMER_BITS = 16
@@ -29,7 +29,7 @@ class PulseFormer(Component):
     step, dir : Out(1)
         ``dir`` is 1 while the position falls.
     owed, excess : Out(9), signed
-        Pulses owed, and those with the present change.
+        Pulses owed in this cycle, and in the next one unless a step is lost or all is forgotten.
     lost : Out(1)
         A step is lost in this cycle, as 128 are owed.
     """
@@ -84,16 +84,18 @@ class PulseFormer(Component):
         with m.Elif(~dir_ended):
             m.d.sync += dir_timer.eq(dir_timer - 1)
 
-        # One pulse given, one step more: at most one up or down in all.
-        change, overflow = Signal(9), Signal()
+        # One pulse given, one step more: at most two up or down in all.
+        step, given, total, overflow = Signal(2), Signal(2), Signal(9), Signal()
         m.d.comb += [
-            self.excess.eq(owed + Mux(self.moved, Cat(Const(1, 1), self.down.replicate(8)), 0)),
-            change.eq(self.excess - Mux(start, Cat(Const(1, 1), negative.replicate(8)), 0)),
-            overflow.eq(~self.halted & (change[8] ^ change[7])),
+            step.eq(Cat(self.moved, self.moved & self.down)),
+            given.eq(Cat(start, start & negative)),
+            total.eq(owed.as_signed() + (step.as_signed() - given.as_signed())),
+            overflow.eq(~self.halted & (total[8] ^ total[7])),
+            self.excess.eq(total),
             self.lost.eq(overflow),
         ]
         with m.If(self.forget):
             m.d.sync += owed.eq(0)
         with m.Elif(~overflow):  # otherwise without the step; no pulse is given then
-            m.d.sync += owed.eq(change)
+            m.d.sync += owed.eq(total)
         return m

@@ -88,9 +88,7 @@ def plan(
     canon: Annotated[
         bool, typer.Option("--canon", help="Print canonical commands, as rs274 -g does.")
     ] = False,
-    tools: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="--canon: tool table.")
-    ] = None,
+    tools: Annotated[Path | None, typer.Option(metavar="FILE", help="--canon: tool table.")] = None,
     parameters: Annotated[
         Path | None, typer.Option(metavar="FILE", help="--canon: parameter file.")
     ] = None,

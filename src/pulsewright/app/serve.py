@@ -148,8 +148,8 @@ def serve(
         "board": board,
         "profile": profile,
         "seconds": seconds,
-        "received": server.taken,
-        "sent": server.sent,
+        "received": server.taken + summary.pop("received", 0),
+        "sent": server.sent + summary.pop("sent", 0),
         **summary,
     }
 
@@ -297,6 +297,8 @@ class _EppServed(_Served):
         self.port.finish()
         link = self.port.link
         return {
+            "received": int(link["bytes_in"]),
+            "sent": int(link["bytes_out"]),
             "frames": int(link["frames"]),
             "cycles": int(link["markers"]),
             "overruns": int(link["overruns"]),

@@ -12,19 +12,25 @@ from collections.abc import Callable
 from typing import IO, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pulsewright.boards import epp_requests as kernel
 from pulsewright.boards.twinning import EppTwin
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import UsageError
 from pulsewright.transport.bus import EPP_ACCESS
+from pulsewright.transport.pollfd import POLL
 
-CHUNK_S: Final = 0.02  # of edges in memory [s]
+CHUNK_S: Final = 0.05  # of edges in memory [s]
 RECORD: Final = struct.Struct("<q4i")
 LONGEST_NS: Final = 10**9  # servo period and cost of a request
 FIELD: Final = {name: n for n, name in enumerate(kernel.LINK.names or ())}
-SIZE, AT, REPLIED, LOGGED, RECORDED, OWN, TARGET = (
-    FIELD[name] for name in ("size", "at", "replied", "logged", "recorded", "own", "target")
+SIZE, AT, REPLIED, LOGGED, RECORDED, OWN, TARGET, FD, POLLS = (
+    FIELD[name]
+    for name in (
+        *("size", "at", "replied", "logged", "recorded"),
+        *("own", "target", "fd", "polls"),
+    )
 )
 
 
@@ -100,12 +106,13 @@ class EppPort:
         self._log = np.zeros((kernel.LOG_ROWS, 3), np.int64)
         self._rows = np.zeros((kernel.LOG_ROWS, 1 + kernel.AXES), np.int64)
         self._accesses = np.zeros(255, EPP_ACCESS)
+        self._polls = np.zeros(kernel.POLLS, POLL)
         self._block = np.zeros(kernel.BLOCK_WORDS, np.int64)
-        self._block[9:15] = [
+        self._block[9:] = [
             array.ctypes.data
             for array in (
                 *(self._link, self._requests, self._replies),
-                *(self._log, self._rows, self._accesses),
+                *(self._log, self._rows, self._accesses, self._polls),
             )
         ]
         self._block_at = int(self._block.ctypes.data)
@@ -119,7 +126,7 @@ class EppPort:
         """Model time of the last request or command [ns]."""
         return int(self.link["now"])
 
-    def exchange(self, data: bytes | memoryview) -> tuple[bytes, bool]:
+    def exchange(self, data: bytes) -> tuple[bytes, bool]:
         """Carry out whole requests; bytes behind the last one are ignored.
 
         Parameters
@@ -134,9 +141,44 @@ class EppPort:
         bool
             False if a request is wrong; it and those behind it are not carried out.
         """
+        replies, _, good = self._carry_out(data, -1)
+        return replies, good
+
+    def converse(self, data: bytes, fd: int, polls: NDArray[np.void]) -> tuple[bytes, bytes, bool]:
+        """Carry out requests of a client, reply to it, and go on with what it sends next.
+
+        It ends as soon as something happens at another connection, after 50 ms without or with
+        requests, or where the client does not take its replies.
+
+        Parameters
+        ----------
+        data : bytes
+            What was received from the client and not carried out yet, up to 4200.
+        fd : int
+            Its socket, which does not block.
+        polls : (n,) POLL
+            What may happen at all connections, this one among them.
+
+        Returns
+        -------
+        bytes
+            Replies that are still to be sent.
+        bytes
+            What was received and not carried out yet.
+        bool
+            False if a request is wrong.
+        """
+        if self.delays or len(polls) > kernel.POLLS:
+            fd = -1
+        else:
+            self._polls[: len(polls)] = polls
+            self._words[POLLS] = len(polls)
+        return self._carry_out(data, fd)
+
+    def _carry_out(self, data: bytes, fd: int) -> tuple[bytes, bytes, bool]:
         words = self._words
         self._in[: len(data)] = data
-        words[SIZE] = len(data)
+        words[SIZE], words[FD] = len(data), fd
         words[AT] = words[REPLIED] = words[LOGGED] = words[RECORDED] = 0
         words[OWN] = self._clock()
         while (status := self._call()) not in (kernel.DONE, kernel.WRONG):
@@ -146,7 +188,8 @@ class EppPort:
                 self._bring(words[TARGET])
         if words[LOGGED] or words[RECORDED]:
             self._note()
-        return bytes(self._out[: words[REPLIED]]), status == kernel.DONE
+        rest = bytes(self._in[words[AT] : words[SIZE]])
+        return bytes(self._out[: words[REPLIED]]), rest, status == kernel.DONE
 
     def arrive(self) -> None:
         """Bring model time to that of a command that comes now, and the boards to model time."""

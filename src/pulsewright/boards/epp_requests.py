@@ -1,12 +1,14 @@
 """Requests of the EPP socket protocol, carried out on a twin in compiled code.
 
-`carry_out` is generic: a room calls it from a kernel of its own with its `Board` of functions, and
-with state that it finds at addresses in memory (`twin.kernel.array_at`). So a call from Python
-passes one number and costs less than a system call; a servo cycle is some twenty of them.
+`serve` is generic: a room calls it from a kernel of its own with its `Board` of functions, and with
+state that it finds at addresses in memory (`twin.memory`). A servo cycle of a real client is some
+twenty replies, each of which it waits for. So a client is also received from and replied to in
+compiled code (`converse`), for as long as no other one wants anything.
 """
 
 from __future__ import annotations
 
+import time
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -19,15 +21,19 @@ from pulsewright.transport.bus import (
     DATA_WRITE,
     EPP_ACCESS,
 )
-from pulsewright.transport.epp_socket import CONFIGURE, NINIT, REQUEST_BYTES
+from pulsewright.transport.epp_wire import CONFIGURE, NINIT, REQUEST_BYTES
+from pulsewright.transport.pollfd import POLL
 from pulsewright.twin.kernel import hot, kernel
-from pulsewright.twin.memory import array_at
+from pulsewright.twin.memory import array_at, clock_gettime, poll, receive, send
 from pulsewright.twin.recorder import PIN, Rows
 
 AXES: Final = 4  # step positions in a record
 BLOCK: Final = 4200  # bytes of requests in one call, at most
 REPLY_BYTES: Final = (BLOCK // REQUEST_BYTES) * 256
-LOG_ROWS: Final = BLOCK // REQUEST_BYTES  # one call cannot fill it
+BLOCK_ROWS: Final = BLOCK // REQUEST_BYTES  # that one block of requests can write, at most
+LOG_ROWS: Final = 8 * BLOCK_ROWS
+TURN_NS: Final = 50_000_000  # a client is served by itself for so long at once, at most
+MONOTONIC: Final = time.CLOCK_MONOTONIC
 SLACK_NS: Final = 60 * 10**9  # a client's clock further off than this is another clock
 SECOND: Final = 10**9
 
@@ -36,6 +42,8 @@ DONE: Final = 0
 FULL: Final = 1  # make room for edges and call again
 AHEAD: Final = 2  # bring the boards to cycle ``target`` and call again
 WRONG: Final = 3  # the request at ``at`` is none; those before it are done
+
+POLLS: Final = 256  # file descriptors
 
 LINK: Final = np.dtype(
     [
@@ -56,10 +64,15 @@ LINK: Final = np.dtype(
             *("frames", "bus_frames", "ninit", "config_bytes", "config_crc"),
             # faults: accesses not acknowledged (-1: all), bits flipped in data read or written
             *("mute", "flip_read", "flip_reads", "flip_write", "flip_writes", "power"),
+            # client to converse with, -1: none; file descriptors to look at; bytes in and out
+            *("fd", "polls", "bytes_in", "bytes_out"),
+            # what the system says of the time
+            *("clock_s", "clock_ns"),
         )
     ]
 )
-BLOCK_WORDS: Final = 16  # addresses and lengths, in the order of `Twin.addresses` and `Memory`
+CLOCK_AT: Final = (LINK.names or ()).index("clock_s") * 8
+BLOCK_WORDS: Final = 16  # addresses and lengths, in the order of `EppTwin.addresses` and `Memory`
 
 
 class Memory(NamedTuple):
@@ -75,6 +88,8 @@ class Memory(NamedTuple):
     record : (LOG_ROWS, 1 + AXES) int64
         Servo cycles: model time [ns], step positions.
     accesses : (255,) EPP_ACCESS
+    polls : (POLLS,) POLL
+        What may happen at all connections.
     """
 
     link: NDArray[np.void]
@@ -83,6 +98,7 @@ class Memory(NamedTuple):
     log: NDArray[np.int64]
     record: NDArray[np.int64]
     accesses: NDArray[np.void]
+    polls: NDArray[np.void]
 
 
 class Board(NamedTuple):
@@ -134,7 +150,7 @@ def rows_at(block: NDArray[np.int64]) -> Rows:
 
 @hot
 def memory_at(block: NDArray[np.int64]) -> Memory:
-    """Return what words 9 to 14 of the block tell of."""
+    """Return what words 9 to 15 of the block tell of."""
     return Memory(
         array_at(block[9], 1, LINK),
         array_at(block[10], BLOCK, np.uint8),
@@ -142,6 +158,7 @@ def memory_at(block: NDArray[np.int64]) -> Memory:
         array_at(block[12], (LOG_ROWS, 3), np.int64),
         array_at(block[13], (LOG_ROWS, 1 + AXES), np.int64),
         array_at(block[14], 255, EPP_ACCESS),
+        array_at(block[15], POLLS, POLL),
     )
 
 
@@ -226,7 +243,7 @@ def begin(s: Any, link: Any, memory: Memory, board: Board) -> int:
         return FULL
     if not link.started:
         link.started = 1
-        if link.ninit and not link.require_config:
+        if answers(link):
             board.set_origin(s, edge)
     link.now = now
     link.frames += 1
@@ -342,3 +359,68 @@ def carry_out(s: Any, memory: Memory, board: Board) -> int:
             return FULL
         finish(link, memory)
     return DONE
+
+
+@hot
+def look(link: Any, block: NDArray[np.int64]) -> int:
+    """Return the monotonic time [ns]."""
+    clock_gettime(MONOTONIC, block[9] + CLOCK_AT)
+    return int(link.clock_s * SECOND + link.clock_ns)
+
+
+@hot
+def converse(s: Any, memory: Memory, board: Board, block: NDArray[np.int64]) -> int:
+    """Carry out requests of the client ``fd`` and reply, until something else is to be done.
+
+    Returns
+    -------
+    int
+        As `carry_out`. Requests from ``at`` on, and replies up to ``replied``, are the caller's.
+    """
+    link = memory.link[0]
+    until = link.own + TURN_NS
+    while True:
+        status = carry_out(s, memory, board)
+        if status != DONE:
+            return status
+        rest = link.size - link.at
+        for n in range(rest):
+            memory.requests[n] = memory.requests[link.at + n]
+        link.at, link.size = 0, rest
+        if link.replied:
+            sent = send(link.fd, block[11], link.replied, 0)
+            if sent != link.replied:
+                for n in range(max(0, sent), link.replied):
+                    memory.replies[n - max(0, sent)] = memory.replies[n]
+                link.replied -= max(0, sent)
+                return DONE
+            link.replied = 0
+            link.bytes_out += sent
+        if max(link.logged, link.recorded) > LOG_ROWS - BLOCK_ROWS or link.own >= until:
+            return DONE
+        if poll(block[15], link.polls, (until - link.own) // 1_000_000 + 1) <= 0:
+            return DONE
+        for n in range(link.polls):
+            if memory.polls[n].revents and memory.polls[n].fd != link.fd:
+                return DONE
+        got = receive(link.fd, block[10] + rest, BLOCK - rest, 0)
+        if got <= 0:
+            return DONE
+        link.own = look(link, block)
+        link.size += got
+        link.bytes_in += got
+
+
+@hot
+def serve(s: Any, board: Board, block: NDArray[np.int64]) -> int:
+    """Carry out the requests in memory; converse with a client, if there is one.
+
+    Returns
+    -------
+    int
+        As `carry_out`.
+    """
+    memory = memory_at(block)
+    if memory.link[0].fd >= 0:
+        return converse(s, memory, board, block)
+    return carry_out(s, memory, board)

@@ -1,34 +1,24 @@
-"""EPP over a socket: the wire format, and what a server does with the bytes of a client.
-
-A request is 10 bytes, a reply is flags and data. Requests are those accesses of `transport.bus`
-that have the same letter, and two more: nINIT and one byte of configuration. What they mean is in
-``docs/clients.md``.
-"""
+"""EPP over a socket: what a server does with the bytes of a client; `epp_wire` has the format."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pulsewright.transport.server import Connection, ProtocolError
-
-NINIT: Final = ord("I")
-CONFIGURE: Final = ord("P")
-TIMEOUT: Final = 0x01  # flag: a cycle since the last reply was not acknowledged
-
-# One request. ``arg``: byte to write, number of reads 1..255, or level. ``t``: client's monotonic
-# time [ns].
-REQUEST: Final = np.dtype([("op", "u1"), ("arg", "u1"), ("t", "<u8")])
-REQUEST_BYTES: Final = REQUEST.itemsize
 
 
 class Port(Protocol):
     """What carries out requests."""
 
-    def exchange(self, data: bytes) -> tuple[bytes, bool]:
-        """Carry out whole requests; return replies, and False if there was a wrong one."""
+    def converse(self, data: bytes, fd: int, polls: NDArray[np.void]) -> tuple[bytes, bytes, bool]:
+        """Carry out requests, and go on with the client as long as no other one wants anything.
+
+        Return replies still to be sent, bytes not carried out yet, and False for a wrong request.
+        """
 
     def delay(self) -> float:
         """Return how much later than usual the replies come that were just made [s]."""
@@ -43,10 +33,9 @@ class EppSession:
 
     def received(self, data: memoryview) -> None:
         """Carry out the requests that are complete; see `transport.server.Session`."""
-        block = self._rest + data
-        whole = len(block) - len(block) % REQUEST_BYTES
-        self._rest = block[whole:]
-        replies, good = self._port.exchange(block[:whole])
+        replies, self._rest, good = self._port.converse(
+            self._rest + data, self._connection.fd, self._connection.polls
+        )
         if replies:
             if delay := self._port.delay():
                 self._connection.hold(delay)

@@ -18,7 +18,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pulsewright.errors import UsageError
+from pulsewright.transport.pollfd import POLL
 
 BLOCK: Final = 4096  # bytes taken from a connection at once
 CONNECTIONS: Final = 32  # at a listener; further ones are closed at once
@@ -108,6 +112,11 @@ class Connection:
         self._held_until = 0.0
         if self.fd >= 0:
             self._flush()
+
+    @property
+    def polls(self) -> NDArray[np.void]:
+        """All file descriptors that the server looks at, and for what: (n,) `POLL`."""
+        return self._server.polls
 
     @property
     def can_end(self) -> bool:
@@ -232,6 +241,8 @@ class Server:
         self._stopped = False
         self.held: set[Connection] = set()
         self._poll = select.poll()
+        self._events: dict[int, int] = {}
+        self._polls: NDArray[np.void] | None = None
         self._ready: dict[int, Callable[[int], None]] = {}
         self._connections: set[Connection] = set()
 
@@ -276,7 +287,7 @@ class Server:
         connection = Connection(self, channel, listener)
         connection.session = make(connection)
         self._ready[connection.fd] = connection.ready
-        self._poll.register(connection.fd, select.POLLIN)
+        self.watch(connection.fd, select.POLLIN)
         self._connections.add(connection)
         return connection
 
@@ -290,14 +301,26 @@ class Server:
             if connection.can_end and not isinstance(connection.session, LineSession):
                 connection.close()
 
+    @property
+    def polls(self) -> NDArray[np.void]:
+        """All file descriptors, and what is looked for: (n,) `POLL`."""
+        if self._polls is None:
+            self._polls = np.array([(fd, e, 0) for fd, e in self._events.items()], POLL)
+        return self._polls
+
     def watch(self, fd: int, events: int) -> None:
-        """Look for other events of a client."""
-        self._poll.modify(fd, events)
+        """Look for these events at a file descriptor from now on."""
+        self._poll.register(fd, events)
+        self._events[fd], self._polls = events, None
+
+    def _unwatch(self, fd: int) -> None:
+        self._poll.unregister(fd)
+        del self._ready[fd], self._events[fd]
+        self._polls = None
 
     def forget(self, connection: Connection) -> None:
         """Serve a client no longer."""
-        self._poll.unregister(connection.fd)
-        del self._ready[connection.fd]
+        self._unwatch(connection.fd)
         self._connections.discard(connection)
 
     @contextmanager
@@ -355,7 +378,7 @@ class Server:
             channel.listen()
             listener = Listener(self, channel, make, most)
             self._ready[channel.fileno()] = listener.ready
-            self._poll.register(channel.fileno(), select.POLLIN)
+            self.watch(channel.fileno(), select.POLLIN)
             try:
                 if channel.family == socket.AF_UNIX:
                     yield url
@@ -364,8 +387,7 @@ class Server:
             finally:
                 for connection in list(listener.connections):
                     connection.close()
-                self._poll.unregister(channel.fileno())
-                del self._ready[channel.fileno()]
+                self._unwatch(channel.fileno())
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Arrays at addresses in memory, for kernels that are called often.
+"""Arrays at addresses in memory and calls of the system, for kernels that serve other programs.
 
 Numba takes twenty times longer to look at the arrays of a whole state than a short kernel needs. A
 kernel that takes an address gets round that; the caller keeps what lies there alive.
@@ -7,12 +7,17 @@ kernel that takes an address gets round that; the caller keeps what lies there a
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np import arrayobj
+
+from pulsewright.compiled import compiled
+from pulsewright.twin.kernel import OPTIONS
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 _make: Any = arrayobj.make_array  # numba has types for a few of its functions only
 _populate: Any = arrayobj.populate_array
@@ -56,3 +61,19 @@ def _array_at(context: Any, address: Any, shape: Any, dtype: Any) -> Any:
 
 # array_at(address, shape, dtype): the array that lies there. In kernels only.
 array_at: Final[Callable[[int, Any, Any], Any]] = _array_at  # type: ignore[assignment]
+
+
+def _of_system(name: str, result: Any, *arguments: Any) -> Any:
+    return types.ExternalFunction(name, result(*arguments))
+
+
+# Functions of the C library; addresses are numbers.
+poll = _of_system("poll", types.int32, types.int64, types.uint64, types.int32)
+receive = _of_system("recv", types.int64, types.int32, types.int64, types.uint64, types.int32)
+send = _of_system("send", types.int64, types.int32, types.int64, types.uint64, types.int32)
+clock_gettime = _of_system("clock_gettime", types.int32, types.int32, types.int64)
+
+
+def unlocked(function: F) -> F:
+    """Compile a kernel that may wait: other threads of the program run meanwhile."""
+    return compiled(**OPTIONS, nogil=True)(function)

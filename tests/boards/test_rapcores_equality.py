@@ -1,0 +1,66 @@
+# amaranth: UnusedElaboratable=no
+"""The gateware does what the twin does: every output pin at every clock cycle."""
+
+import functools
+from collections import Counter
+from random import Random
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rapcores_equality import Pair, Traffic, busy, reset, talk, turn
+
+pytestmark = pytest.mark.rtl
+
+CONFIGURATIONS = {
+    "document": {},
+    "deep": {"motors": 1, "encoders": 0, "depth": 8},
+    "short words": {"word_bits": 32, "motors": 24, "encoders": 2},
+    "shared": {"motors": 8, "encoders": 8, "shared_dda": 1},
+    "frames": {"cs_reset_message": 0, "motors": 2, "encoders": 1},
+    "info": {"v020_info": 1, "motors": 2},
+    "no halt": {"halt_pin": 0, "motors": 3},
+    "upstream": {"profile": "upstream"},
+    "fixed": {"profile": "upstream", "fixed": 1},
+    "v020": {"profile": "v020"},
+    "librapcore": {"profile": "v020", "position_bits": 24, "motors": 3},
+}
+
+
+@functools.cache
+def pair(name):
+    return Pair(**CONFIGURATIONS[name])
+
+
+@st.composite
+def scenarios(draw, names):
+    """A few messages, which shrink to the fewest that differ."""
+    both = pair(draw(st.sampled_from(names)))
+    random, flaws = draw(st.randoms()), draw(st.sampled_from([0, 300]))
+    traffic = Traffic(both)
+    for _ in range(draw(st.integers(1, 12))):
+        talk(random, traffic, flaws)
+    if draw(st.booleans()):
+        reset(random, traffic)
+    traffic.at += draw(st.sampled_from([100, 20_000]))
+    if draw(st.booleans()):
+        turn(random, traffic)
+    return both, traffic
+
+
+SETTINGS = {
+    "deadline": None,
+    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large],
+}
+
+
+def assert_busy(seen, least):
+    """The traffic is worth something: the board moved, and refused what it should."""
+    assert all(seen[name] >= count for name, count in least.items()), seen
+
+
+@settings(max_examples=20, **SETTINGS)
+@given(scenarios(["document", "fixed"]))
+def test_gateware_matches_the_twin(scenario):
+    both, traffic = scenario
+    both.run(traffic)

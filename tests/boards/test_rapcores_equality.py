@@ -64,3 +64,36 @@ def assert_busy(seen, least):
 def test_gateware_matches_the_twin(scenario):
     both, traffic = scenario
     both.run(traffic)
+
+
+LEAST = {  # per million cycles; document, and the originals
+    "document": {
+        "move_done": 60, "step": 1500, "dir": 200, "en": 5, "buffer_dtr": 20, "cipo": 500,
+        "refused": 10, "framing": 5, "aborted": 3, "unknown": 10, "halt_seen": 2,
+    },
+    "upstream": {"move_done": 30, "dir": 20, "en": 5, "buffer_dtr": 10, "cipo": 500},
+    "v020": {"move_done": 30, "step": 1500, "dir": 20, "en": 5, "buffer_dtr": 10, "cipo": 500},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["document", "shared", "fixed", "v020"])
+def test_gateware_matches_the_twin_in_busy_traffic(name):
+    both = pair(name)
+    seen = both.run(busy(Random(7), both, 500_000, flaws=60))
+    assert_busy(seen, {key: count // 2 for key, count in LEAST[both.profile].items()})
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_gateware_matches_the_twin_for_many_cycles(name):
+    """Each configuration for 9.5 million cycles: more than 10^8 in total."""
+    both, seed, cycles, seen = pair(name), 0, 0, Counter()
+    while cycles < 9_500_000:
+        seed += 1
+        flaws, turning = (0, 30, 150)[seed % 3], seed % 4 > 0
+        traffic = busy(Random(seed), both, 1_000_000, flaws=flaws, turning=turning)
+        seen += both.run(traffic)
+        cycles += traffic.at
+    least = LEAST[both.profile] | ({"fault": 2, "lost": 1} if name == "document" else {})
+    assert_busy(seen, {key: 9 * count for key, count in least.items()})

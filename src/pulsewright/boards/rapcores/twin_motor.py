@@ -1,10 +1,12 @@
 """One motor of the twin: accumulator (DDA) and pulse former, from step to step.
 
 An accumulator is two words, the position [step] and its fraction in units of 2^-63 step; 32-bit
-words have their values in the upper half. Increments are signed numbers of the same unit, so that a
-tick that carries into the position, or borrows from it, shows in the highest bit of fraction plus
-increment. Far from such a crossing, ticks are skipped: a lower bound of their number is known from
-floating point, and what they add is exact modulo 2^64, which is all of it while nothing crosses.
+words have their values in the upper half. Increments are signed numbers of the same unit.
+
+While an increment keeps its sign, the motor goes from crossing to crossing of a step, not from tick
+to tick (`run_ahead`): it is at ``short`` of the next step, a negative number, and moves ahead by
+``speed``, whose change per tick is ``gain``, whichever way that is. The number of ticks to the next
+crossing is guessed, from the one before or in floating point, and put right by single ticks.
 
 Clock edge n ends cycle n. Of a tick in cycle t, the position changes at edge t, the pulse former
 sees it in cycle t + 1, its backlog shows it in t + 2.
@@ -22,14 +24,10 @@ from pulsewright.twin.kernel import hot, inlined, kernel
 from pulsewright.twin.recorder import NEARLY_FULL, RESERVE, Rows, toggle
 
 FRACTION: Final = (1 << 63) - 1  # mask
-WHOLE: Final = float(1 << 63)  # one step
+STEP: Final = -(1 << 63)  # one step, less than nothing so that it is a signed number
 FOREVER: Final = 1 << 40  # ticks: more than a move has
-NEAR: Final = 32  # ticks: fewer are not worth skipping
-SLOW: Final = (1 << 63) // NEAR  # increments below are worth it
-WHOLE_STEP: Final = FRACTION  # one step, less a unit
-LIMIT: Final = 1 << 62  # faster ones are not run in batches, so that nothing can wrap
-STEEP: Final = LIMIT // 128  # as is more change
-BATCH: Final = 128  # ticks that are run without a look at what they do
+STEEP: Final = 1 << 55  # more change per tick is run tick by tick, so that nothing can wrap
+FASTEST: Final = (1 << 63) - (1 << 58)  # as are faster increments
 MARGIN: Final = 1.0 - 2.0**-20  # of the bound, far more than its rounding where a root is near 0
 
 # DDA: ``done`` ticks of the present piece of a move are integrated. Pulse former: cycles before
@@ -85,20 +83,11 @@ def far(distance: float, speed: float, change: float) -> int:
 
 
 @inlined
-def batch(increment: int, change: int, ticks: int, up: int, times: Times, period: int) -> int:
-    """Return how many ticks, up to ``ticks``, go one way and give pulses that delay no other."""
-    count = min(ticks, BATCH)
-    if not -STEEP < change < STEEP:
-        return 0
-    last = increment + count * change
-    if not (-LIMIT < increment < LIMIT and -LIMIT < last < LIMIT):
-        return 0
-    if (increment >= 0) != (up == 1) or (last >= 0) != (up == 1):
-        return 0
-    fastest = max(abs(increment), abs(last))
-    if WHOLE_STEP // (fastest + 1) * period < times.width + times.low:
-        return 0
-    return count
+def moved(ticks: int, speed: int, gain: int) -> int:
+    """Return what so many ticks add, modulo 2^64."""
+    pairs = (ticks >> 1) * (ticks - 1 | 1)  # ticks * (ticks - 1) / 2, of 2^32 ticks too
+    total: int = ticks * speed + pairs * gain
+    return total
 
 
 @hot
@@ -142,10 +131,22 @@ def run_former(motor: Any, end: int, times: Times, rows: Rows, pins: tuple[int, 
 
 
 @kernel
-def take_step(motor: Any, times: Times, rows: Rows, pins: tuple[int, int]) -> bool:
-    """Let the pulse former see the step that waits for it; False if a buffer is full."""
+def take_step(motor: Any, end: int, times: Times, rows: Rows, pins: tuple[int, int]) -> bool:
+    """Let the pulse former see the step that waits for it; False if a buffer is full.
+
+    The former stands at the cycle after that, or at ``end`` at most if it gives a whole pulse.
+    """
     if not run_former(motor, motor.seen + 1, times, rows, pins):
         return False
+    rise = motor.seen + 1
+    fall = rise + times.width
+    idle = motor.step == 0 and motor.backlog == 0 and motor.delta == 1 - 2 * motor.direction
+    if idle and max(motor.shown, motor.low, motor.setup) <= rise and fall < end:
+        toggle(rows, pins[0], rise)
+        toggle(rows, pins[0], fall)
+        motor.shown, motor.low, motor.hold = fall + 1, fall + times.low, fall + times.hold
+        motor.delta = 0
+        return True
     backlog = motor.backlog + motor.delta
     if -BACKLOG <= backlog < BACKLOG:
         motor.backlog = backlog
@@ -153,6 +154,108 @@ def take_step(motor: Any, times: Times, rows: Rows, pins: tuple[int, int]) -> bo
         motor.lost = 1
     motor.delta = 0
     return True
+
+
+@hot
+def run_tick(motor: Any) -> int:
+    """Integrate once, at any speed; return the step that is crossed, 0 if none is."""
+    increment = motor.increment
+    total = motor.fraction + increment  # negative where it crosses
+    motor.fraction = total & FRACTION
+    motor.increment = increment + motor.change
+    motor.done += 1
+    delta = 0
+    if total < 0:
+        delta = 1 if increment >= 0 else -1
+    motor.position += delta
+    return delta
+
+
+@hot
+def run_ahead(
+    motor: Any,
+    end: int,
+    ticks: int,
+    first: int,
+    period: int,
+    times: Times,
+    rows: Rows,
+    pins: tuple[int, int],
+) -> int:
+    """Integrate ticks that go one way and write their pulses, while nothing delays these.
+
+    Parameters are those of `advance`. Return the step that was crossed last if its pulse is not
+    written, 0 if there is none.
+    """
+    # in locals, for the compiler cannot know that edges are written elsewhere
+    cycles, step_pin = rows.cycles, rows.pins[pins[0]]
+    at = begin = step_pin.first + step_pin.used
+    room = step_pin.first + step_pin.room - RESERVE
+    done, width = motor.done, times.width
+    low = max(motor.low, motor.setup, motor.shown)
+    speed, gain, left = motor.increment, motor.change, ticks - done
+    ahead = speed > 0 or (speed == 0 and gain > 0)
+    # a pulse can follow a step at once: otherwise the first one is left to the former
+    simple = motor.step == 0 and motor.backlog == 0 and ahead == (motor.direction == 0)
+    short = motor.fraction ^ STEP
+    if not ahead:
+        speed, gain, short = -speed, -gain, ~motor.fraction
+    if gain < 0:
+        left = min(left, speed // -gain + 1)
+    elif gain > 0:
+        left = min(left, (FASTEST - speed) // gain)
+    # so many ticks do not wrap, wherever they begin
+    most = FRACTION // max(speed, speed + (left - 1) * gain, 1)
+    crossed, missed, guess = 0, 0, 0
+    while left > 0:
+        # without branches, which could not be predicted: one tick less than from the step before,
+        # and up to two more
+        n = min(guess, left)
+        total, now = short + moved(n, speed, gain), speed + n * gain
+        more = total < 0
+        total += now if more else 0
+        now += gain if more else 0
+        n += 1 if more else 0
+        more = total < 0
+        total += now if more else 0
+        now += gain if more else 0
+        n += 1 if more else 0
+        if total < 0 or total >= now - gain or n > left:
+            n = min(max(far(-float(short), float(speed), float(gain)), 0), left)
+            total, now = short + moved(n, speed, gain), speed + n * gain
+            while total < 0 and n < left:
+                total += now
+                now += gain
+                n += 1
+        left -= n
+        done += n
+        speed = now
+        if total < 0:
+            short = total
+            break
+        short = total ^ STEP
+        guess = min(n - 1, most)
+        crossed += 1
+        cycle = first + (done - 1) * period + 2  # of the pulse, if nothing delays it
+        fall = cycle + width
+        if not (simple and low <= cycle and fall < end and at < room):
+            missed = 1
+            break
+        cycles[at] = cycle
+        cycles[at + 1] = fall
+        at += 2
+        low = fall + times.low
+    if at > begin:
+        step_pin.used += at - begin
+        fall = cycles[at - 1]
+        motor.shown, motor.low, motor.hold = fall + 1, fall + times.low, fall + times.hold
+        if step_pin.room - step_pin.used < NEARLY_FULL:
+            rows.full[0] = 1
+    motor.fraction = short ^ STEP if ahead else ~short
+    motor.increment = speed if ahead else -speed
+    motor.position += crossed if ahead else -crossed
+    motor.done = done
+    return missed if ahead else -missed
 
 
 @hot
@@ -193,86 +296,14 @@ def advance(
         if motor.delta:
             if motor.seen >= end:
                 break
-            if not take_step(motor, times, rows, pins):
+            if not take_step(motor, end, times, rows, pins):
                 return False
         if motor.done >= ticks:
             break
-        # in locals, for the compiler cannot know that edges are written elsewhere
-        fraction, increment, change = motor.fraction, motor.increment, motor.change
-        position, done, delta = motor.position, motor.done, 0
-        train = rows.pins[pins[0]]
-        at, room = train.first + train.used, train.first + train.room - RESERVE
-        low = max(motor.low, motor.setup, motor.shown)
-        simple = motor.step == 0 and motor.backlog == 0
-        up = 0 if motor.direction else 1
-        while done < ticks:
-            if -SLOW < increment < SLOW and -SLOW < NEAR * change < SLOW:
-                ahead = increment > 0 or (increment == 0 and change > 0)
-                distance = float(FRACTION - fraction if ahead else fraction)
-                if ahead:
-                    skip = far(distance, float(increment), float(change))
-                else:
-                    skip = far(distance, -float(increment), -float(change))
-                if skip > NEAR:
-                    skip = min(skip, ticks - done)
-                    fraction += skip * increment + skip * (skip - 1) // 2 * change
-                    increment += skip * change
-                    done += skip
-                    continue
-            elif simple:
-                cycle = first + done * period + 2
-                count = batch(increment, change, ticks - done, up, times, period)
-                count = min(count, (room - at) // 2, (end - 1 - times.width - cycle) // period)
-                if count > 0 and low <= cycle:
-                    # no pulse delays another one; without branches, which could not be predicted
-                    begin = at
-                    for _ in range(count):
-                        total = fraction + increment
-                        rows.cycles[at] = cycle
-                        rows.cycles[at + 1] = cycle + times.width
-                        at += (total >> 62) & 2
-                        fraction = total & FRACTION
-                        increment += change
-                        cycle += period
-                    done += count
-                    if at > begin:
-                        position += (at - begin) // 2 * (2 * up - 1)
-                        low = rows.cycles[at - 1] + times.low
-                    continue
-            # the rest tick by tick, up to a crossing
-            total = fraction
-            stop = min(ticks, done + 2 * NEAR)
-            while done < stop:
-                total = fraction + increment
-                done += 1
-                if total < 0:
-                    break
-                fraction = total
-                increment += change
-            if total >= 0:
-                continue
-            delta = 1 if increment >= 0 else -1
-            position += delta
-            fraction = total & FRACTION
-            increment += change
-            cycle = first + (done - 1) * period + 2  # of the pulse, if nothing delays it
-            fall = cycle + times.width
-            # a whole pulse of its own, as nearly all are
-            if not (simple and low <= cycle and fall < end and at < room and delta == 2 * up - 1):
-                break
-            rows.cycles[at] = cycle
-            rows.cycles[at + 1] = fall
-            at += 2
-            low = fall + times.low
-            delta = 0
-        if at > train.first + train.used:
-            train.used = at - train.first
-            fall = rows.cycles[at - 1]
-            motor.shown, motor.low, motor.hold = fall + 1, fall + times.low, fall + times.hold
-            if train.room - train.used < NEARLY_FULL:
-                rows.full[0] = 1
-        motor.fraction, motor.increment, motor.position = fraction, increment, position
-        motor.done = done
-        if delta:
-            motor.delta, motor.seen = delta, first + (done - 1) * period + 1
+        fast = not -FASTEST + STEEP < motor.increment < FASTEST - STEEP
+        if fast or not -STEEP < motor.change < STEEP:
+            motor.delta = run_tick(motor)
+        else:
+            motor.delta = run_ahead(motor, end, ticks, first, period, times, rows, pins)
+        motor.seen = first + (motor.done - 1) * period + 1
     return run_former(motor, end, times, rows, pins)

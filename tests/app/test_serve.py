@@ -8,6 +8,7 @@ three attempts; packets with another tag are kept as unexpected.
 import json
 import random
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import time
 import numpy as np
 import pytest
 import serial
+from served import Control, serving
 
 from pulsewright import open_board
 from pulsewright.app.serve import serve
@@ -77,7 +79,7 @@ def served(tmp_path):
             serve(
                 "s3g",
                 listen=f"pty:{link}",
-                trace=tmp_path / "trace.npz",
+                edges=tmp_path / "trace.npz",
                 ready=lambda line: up.set(),
                 stop=over.is_set,
             )
@@ -147,6 +149,60 @@ def test_noise_is_outlived(served):
     assert client.ask(0) == bytes([OK]) + VERSION
 
 
+class Tcp:
+    """The part of a serial port that `Client` uses, at a socket."""
+
+    def __init__(self, port):
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=0.01)
+        self.write, self.close = self.socket.sendall, self.socket.close
+
+    def read(self, count):
+        try:
+            return self.socket.recv(count)
+        except TimeoutError:
+            return b""
+
+
+def test_programs_at_a_tcp_port_share_the_board(tmp_path):
+    with serving("s3g", listen="tcp:127.0.0.1:0", control=f"unix:{tmp_path / 'c'}") as result:
+        port = int(result["line"].rpartition(":")[2])
+        first, second = Client.__new__(Client), Client.__new__(Client)
+        for client in (first, second):
+            client.port, client.unexpected = Tcp(port), []
+        assert first.ask(60, 0, *struct.pack("<I", 0xA5)) == bytes([OK])
+        assert second.packet(time.monotonic() + 5)[2:] == bytes([OK])  # it hears that, too
+        first.port.close()
+        assert second.ask(0) == bytes([OK]) + VERSION
+        control = Control(tmp_path / "c")
+        assert control("get")["outputs"][0] == 0xA5
+        assert control("steps")["steps"] == [0, 0]
+        assert control("reset") == {"ok": True}
+        assert control("get")["outputs"][0] == 0
+        assert control("fault", kind="cut") == {"ok": True}
+        assert second.port.read(1) == b""
+        assert control("quit") is None
+
+
+def test_the_start_of_a_printer_program(served):
+    """MASK 0, abort, clear, registers, a program in pieces of 40 words, polled to its end."""
+    link, _ = served
+    client = Client(link)
+    ok = bytes([OK])
+    assert client.ask(64, 0, 0, 0, 0) == ok
+    assert client.ask(62, *struct.pack("<I", 1 << 30)) == ok
+    assert client.ask(63, *struct.pack("<I", 0xFFFFFFFF)) == ok
+    for register in (7, 34, 33):
+        assert client.ask(60, register, 0, 0, 0, 0) == ok
+    words = [bytes.fromhex("0000000080")] * 45 + [bytes.fromhex("09000000bf")]  # NOP, DONE 9
+    for at in (0, 40):
+        piece = words[at : at + 40]
+        head = [65, len(piece), *struct.pack("<H", at)]
+        assert client.ask(*head, *b"".join(piece))[:3] == bytes([OK, at, 0])
+    assert client.ask(60, 62, 0, 0, 0, 0) == ok
+    assert client.ask(62, *struct.pack("<I", 1 << 29)) == ok
+    assert client.ask(61, 62) == ok + struct.pack("<I", 9 << 16 | 45)
+
+
 def test_the_command_ends_in_order(tmp_path):
     link = tmp_path / "board"
     source = "from pulsewright.app.cli import main; main()"
@@ -160,17 +216,23 @@ def test_the_command_ends_in_order(tmp_path):
         process.send_signal(signal.SIGTERM)
         output, _ = process.communicate(timeout=30)
     assert process.returncode == 0
-    served = json.loads(output)
+    first, _, rest = output.partition("\n")
+    assert first == "ready"
+    served = json.loads(rest)
     assert served["received"] == 6
     assert len(served["state"]["lost"]) == 3
     assert not link.is_symlink()
 
 
 def test_unusable_requests_are_explained(tmp_path):
-    with pytest.raises(UsageError, match=r"usc is on an EPP bus.*s3g"):
+    with pytest.raises(UsageError, match="usc is on an EPP bus"):
         serve("usc", listen=f"pty:{tmp_path / 'x'}")
-    with pytest.raises(UsageError, match="pty:PATH"):
+    with pytest.raises(UsageError, match="s3g is on a serial port and listens at pty:PATH"):
+        serve("s3g", listen="epp+unix:x")
+    with pytest.raises(UsageError, match="tcp:HOST:PORT"):
         serve("s3g", listen="tcp:1")
+    with pytest.raises(UsageError, match="not on an EPP bus"):
+        serve("s3g", listen=f"pty:{tmp_path / 'x'}", time="lockstep:1000")
     taken = tmp_path / "taken"
     taken.touch()
     with pytest.raises(UsageError, match="taken exists"):

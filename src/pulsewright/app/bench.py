@@ -61,6 +61,10 @@ def run(
         raise UsageError("--page is for 'bench area', which can write its table as Markdown")
     if name == "area":
         return area(page, progress)
+    if name == "links":
+        from pulsewright.app.bench_links import links
+
+        return links()
     results: Figures = []
     for key in [name] if name else list(SPEED):
         progress(key, 0.0)
@@ -351,7 +355,7 @@ def area(page: Path | None = None, progress: Progress = silent) -> Figures:
 
 
 SPEED: Final[dict[str, Callable[[], Figures]]] = {"twin": twin, "job": job}
-BENCHMARKS: Final = (*SPEED, "area")
+BENCHMARKS: Final = (*SPEED, "links", "area")
 
 if __name__ == "__main__":
     _job_process(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -299,7 +299,7 @@ def build(
 def bench(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="twin, job or area; default: twin and job."),
+        typer.Argument(metavar="[NAME]", help="twin, job, links or area; default: twin and job."),
     ] = None,
     page: Annotated[
         Path | None, typer.Option(metavar="FILE", help="For area: write its table as Markdown.")

@@ -1,9 +1,9 @@
 """Requests of the EPP socket protocol, carried out on a twin in compiled code.
 
-`serve` is generic: a room calls it from a kernel of its own with its `Board` of functions, and with
-state that it finds at addresses in memory (`twin.memory`). A servo cycle of a real client is some
-twenty replies, each of which it waits for. So a client is also received from and replied to in
-compiled code (`converse`), for as long as no other one wants anything.
+`serve_requests` is generic: a room calls it from a kernel of its own with its `Board` of functions,
+and with state that it finds at addresses in memory (`twin.memory`). A servo cycle of a real client
+is some twenty replies, each of which it waits for. So a client is also received from and replied to
+in compiled code (`converse`), for as long as no other one wants anything.
 """
 
 from __future__ import annotations
@@ -412,7 +412,7 @@ def converse(s: Any, memory: Memory, board: Board, block: NDArray[np.int64]) -> 
 
 
 @hot
-def serve(s: Any, board: Board, block: NDArray[np.int64]) -> int:
+def serve_requests(s: Any, board: Board, block: NDArray[np.int64]) -> int:
     """Carry out the requests in memory; converse with a client, if there is one.
 
     Returns

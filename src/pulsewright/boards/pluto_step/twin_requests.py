@@ -5,10 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards import epp_requests
-from pulsewright.boards.epp_requests import BLOCK_WORDS, Board, rows_at
-from pulsewright.boards.pluto_step import twin_kernel
-from pulsewright.boards.pluto_step.twin_kernel import ADDRESSES, AXES, AXIS, BOARD, State
+# Names, not modules: a package would make these kernels depend on all of its files.
+from pulsewright.boards.epp_requests import BLOCK_WORDS, Board, rows_at, serve_requests
+from pulsewright.boards.pluto_step.twin_kernel import (
+    ADDRESSES,
+    AXES,
+    AXIS,
+    BOARD,
+    State,
+    run_all,
+    set_ninit,
+    transact,
+)
 from pulsewright.transport.bus import DATA_READ
 from pulsewright.twin.kernel import kernel
 from pulsewright.twin.memory import array_at, unlocked
@@ -17,7 +25,7 @@ from pulsewright.twin.memory import array_at, unlocked
 @kernel
 def bring(s: State, cycle: int) -> bool:
     """Do all edges up to ``cycle``, axes included; False if a buffer is full."""
-    return twin_kernel.run_all(s, cycle)
+    return run_all(s, cycle)
 
 
 @kernel
@@ -66,7 +74,7 @@ def position(s: State, axis: int) -> int:
 
 @unlocked
 def serve(at: int) -> int:
-    """Carry out requests; ``at``: where the block of addresses is. See `epp_requests.serve`."""
+    """Carry out requests; ``at``: where the block of addresses is. See `serve_requests`."""
     block: NDArray[np.int64] = array_at(at, BLOCK_WORDS, np.int64)
     s = State(
         array_at(block[0], 1, BOARD),
@@ -75,9 +83,9 @@ def serve(at: int) -> int:
         rows_at(block),
     )
     board = Board(
-        twin_kernel.transact,
+        transact,
         bring,
-        twin_kernel.set_ninit,
+        set_ninit,
         set_origin,
         is_marker,
         reads_first,
@@ -86,4 +94,4 @@ def serve(at: int) -> int:
         set_byte,
         position,
     )
-    return epp_requests.serve(s, board, block)
+    return serve_requests(s, board, block)

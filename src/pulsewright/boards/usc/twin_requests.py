@@ -5,10 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards import epp_requests
-from pulsewright.boards.epp_requests import BLOCK_WORDS, Board, rows_at
-from pulsewright.boards.usc import twin_kernel
-from pulsewright.boards.usc.twin_kernel import PAGE, WORLD, State
+# Names, not modules: a package would make these kernels depend on all of its files.
+from pulsewright.boards.epp_requests import BLOCK_WORDS, Board, rows_at, serve_requests
+from pulsewright.boards.usc.twin_kernel import (
+    PAGE,
+    WORLD,
+    State,
+    advance_all,
+    run,
+    set_ninit,
+    starts_soft_latch,
+    transact,
+)
 from pulsewright.transport.bus import DATA_WRITE
 from pulsewright.twin.kernel import kernel
 from pulsewright.twin.memory import array_at, unlocked
@@ -17,7 +25,7 @@ from pulsewright.twin.memory import array_at, unlocked
 @kernel
 def bring(s: State, cycle: int) -> bool:
     """Do all edges up to ``cycle``, axes included; False if a buffer is full."""
-    return twin_kernel.run(s, cycle) and twin_kernel.advance_all(s, cycle) and not s.rows.full[0]
+    return run(s, cycle) and advance_all(s, cycle) and not s.rows.full[0]
 
 
 @kernel
@@ -32,7 +40,7 @@ def is_marker(s: State, op: int, value: int) -> bool:
     bus = s.world.bus
     if op != DATA_WRITE or bus.selected != 0:
         return False
-    return twin_kernel.starts_soft_latch(s, 0, bus.address % PAGE, value)
+    return starts_soft_latch(s, 0, bus.address % PAGE, value)
 
 
 @kernel
@@ -68,7 +76,7 @@ def position(s: State, axis: int) -> int:
 
 @unlocked
 def serve(at: int) -> int:
-    """Carry out requests; ``at``: where the block of addresses is. See `epp_requests.serve`."""
+    """Carry out requests; ``at``: where the block of addresses is. See `serve_requests`."""
     block: NDArray[np.int64] = array_at(at, BLOCK_WORDS, np.int64)
     s = State(
         array_at(block[0], 1, WORLD)[0],
@@ -76,9 +84,9 @@ def serve(at: int) -> int:
         rows_at(block),
     )
     board = Board(
-        twin_kernel.transact,
+        transact,
         bring,
-        twin_kernel.set_ninit,
+        set_ninit,
         set_origin,
         is_marker,
         reads_first,
@@ -87,4 +95,4 @@ def serve(at: int) -> int:
         set_byte,
         position,
     )
-    return epp_requests.serve(s, board, block)
+    return serve_requests(s, board, block)

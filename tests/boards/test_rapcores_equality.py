@@ -68,11 +68,11 @@ def test_gateware_matches_the_twin(scenario):
 
 LEAST = {  # per million cycles; document, and the originals
     "document": {
-        "move_done": 60, "step": 1500, "dir": 200, "en": 5, "buffer_dtr": 20, "cipo": 500,
-        "refused": 10, "framing": 5, "aborted": 3, "unknown": 10, "halt_seen": 2,
+        "move_done": 30, "step": 1500, "dir": 200, "en": 3, "buffer_dtr": 10, "cipo": 200,
+        "refused": 5, "framing": 2, "aborted": 1, "unknown": 2, "halt_seen": 1,
     },
-    "upstream": {"move_done": 30, "dir": 20, "en": 5, "buffer_dtr": 10, "cipo": 500},
-    "v020": {"move_done": 30, "step": 1500, "dir": 20, "en": 5, "buffer_dtr": 10, "cipo": 500},
+    "upstream": {"move_done": 30, "dir": 100, "en": 4, "buffer_dtr": 4, "cipo": 1000},
+    "v020": {"move_done": 30, "step": 1000, "dir": 50, "en": 4, "buffer_dtr": 2, "cipo": 500},
 }  # fmt: skip
 
 

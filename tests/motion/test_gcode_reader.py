@@ -126,9 +126,10 @@ def test_parameters_nest(parameters):
 
 def test_parameters_are_set_after_the_line_is_read(parameters):
     parameters.set(1, 2)
-    block = read_block("#1=3 X#1 #<a>=[#1+1] #1=4", parameters)
-    assert block.words == {"X": 2}
-    assert list(block.settings) == [(1, 3), ("A", 3), (1, 4)]
+    line = read_line("#1=3 X#1 #<a>=[#1+1] #1=4")
+    assert line.block(parameters).words == {"X": 2}
+    line.set_parameters(parameters)
+    assert (parameters.get(1), parameters.get("A")) == (4, 3)
 
 
 def test_position_parameters_ask_the_machine(parameters):
@@ -222,7 +223,7 @@ def test_fast_and_careful_reading_agree(text):
             block = line and line.block(Parameters())
         except Fault as fault:
             return str(fault), fault.column, fault.text
-        return block and (block.words, block.g, block.m, list(block.settings), line.comment)
+        return block and (block.words, block.g, block.m, len(line.settings), line.comment)
 
     assert outcome(lambda: read_line(text)) == outcome(_Reader(text).read)
 

@@ -30,6 +30,7 @@ class Hole:
     clearance: float
     spindle: int  # 1 clockwise, -1 counterclockwise
     words: dict[str, float] = field(default_factory=dict)
+    overrides: Sequence[str] = ()  # those that were on before it
 
     def traverse(self, depth: float) -> None:
         """Go to a depth as fast as the machine can."""
@@ -99,8 +100,8 @@ def _tap(hole: Hole) -> None:
     hole.tap(hole.clear)
     hole.emit(c.StopSpindle())
     hole.emit(c.StartSpindle(hole.spindle))
-    hole.emit(c.Switch("FEED_OVERRIDE", True))
-    hole.emit(c.Switch("SPEED_OVERRIDE", True))
+    for name in hole.overrides:
+        hole.emit(c.Switch(name, True))
 
 
 def _bore(hole: Hole) -> None:
@@ -148,6 +149,7 @@ def _bore_by_hand(hole: Hole) -> None:
     hole.emit(c.StopSpindle())
     hole.emit(c.ProgramStop(optional=False))
     hole.emit(c.StartSpindle(hole.spindle))
+    hole.position[hole.plane] = hole.clear  # where the operator has taken it
 
 
 def _bore_dwelling(hole: Hole) -> None:

@@ -104,13 +104,32 @@ class Numbered:
         return value
 
 
+class Fixed(Numbered):
+    """A parameter whose number is written down."""
+
+    __slots__ = ("index",)
+
+    def __init__(self, index: int, span: Span) -> None:
+        super().__init__(Number(float(index)), span)
+        self.index = index
+
+    def key(self, _: Parameters) -> int:
+        """Return its number."""
+        return self.index
+
+    def value(self, parameters: Parameters) -> float:
+        """Return the value of the parameter."""
+        return parameters.numbered[self.index]
+
+
 class Named:
     """The parameter #<name>."""
 
-    __slots__ = ("name", "span")
+    __slots__ = ("local", "name", "span")
 
     def __init__(self, name: str, span: Span) -> None:
         self.name, self.span = name, span
+        self.local = not name.startswith("_")
 
     def key(self, _: Parameters) -> str:
         """Return the name."""

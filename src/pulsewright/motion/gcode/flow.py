@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NoReturn
@@ -11,7 +12,10 @@ from pulsewright.motion.gcode.faults import Fault
 from pulsewright.motion.gcode.interpreter import Interpreter
 from pulsewright.motion.gcode.parameters import LOCALS
 from pulsewright.motion.gcode.reader import Label, Line, OWord, label_name
-from pulsewright.motion.gcode.source import Construct, Source
+from pulsewright.motion.gcode.source import BLANK, Construct, Source
+
+FEW: Final = 8
+LONGEST_WAIT: Final = 63
 
 _CLOSE: Final = {"SUB": "endsub", "IF": "endif", "WHILE": "endwhile", "REPEAT": "endrepeat"}
 
@@ -39,16 +43,25 @@ class Flow:
         Carries out the lines.
     source : Source
         The program.
+    bulk : callable, optional
+        Carries out plain lines of the program from a line on; returns the first that is none.
     """
 
-    def __init__(self, interpreter: Interpreter, source: Source) -> None:
+    def __init__(
+        self,
+        interpreter: Interpreter,
+        source: Source,
+        bulk: Callable[[int], int] | None = None,
+    ) -> None:
         self._interpreter = interpreter
+        self._bulk = bulk
+        self._wait = self._waited = 0  # lines to go without it, as it found too few
         self._main = self._source = source
         self._next = 0
         self._calls: list[_Call] = []
         self._counts: dict[int, int] = {}  # of the main program
         self._loops = 0  # jumps back, so far
-        self._left = interpreter.settings.max_lines + len(source)
+        self._left = interpreter.settings.max_lines + source.count
         self._percent = False  # the program began with %
         self._closed = False  # and it has come to its second one
         self._empty = True
@@ -90,8 +103,11 @@ class Flow:
         interpreter = self._interpreter
         interpreter.begin()
         try:
-            while not (interpreter.ended or self._closed) and self._next < len(self._source):
-                self._step()
+            while not (interpreter.ended or self._closed) and self._next < self._source.count:
+                if self._bulk is not None and not (self._calls or self._loops):
+                    self._run_bulk(self._bulk)
+                else:
+                    self._step()
             if self._calls:
                 name = label_name(self._calls[-1].label)
                 raise Fault(f"the file ends within {name}, without endsub, return or M99")
@@ -107,7 +123,7 @@ class Flow:
 
     def _error(self, fault: Fault) -> GcodeError:
         """Return a fault with its file and line; one without a place is about the whole line."""
-        i = min(self._next, len(self._source) - 1)
+        i = min(self._next, self._source.count - 1)
         column, text = fault.column, fault.text
         if not column and i == self._next:
             line = self._source.text(i)
@@ -117,6 +133,21 @@ class Flow:
             fault.message, path=self._source.path, line=i + 1, column=column, text=text
         )
 
+    def _run_bulk(self, bulk: Callable[[int], int]) -> None:
+        """Carry out plain lines in bulk and the next one alone."""
+        if self._waited < self._wait:
+            self._waited += 1
+        else:
+            after = bulk(self._next)
+            # Where plain lines are few, trying costs more than it brings.
+            few = after - self._next < FEW
+            self._wait, self._waited = min(2 * self._wait + 1, LONGEST_WAIT) if few else 0, 0
+            self._empty = self._empty and after == self._next
+            self._next = after
+            if after >= self._source.count:
+                return
+        self._step()
+
     def _step(self) -> None:
         interpreter, i = self._interpreter, self._next
         self._left -= 1
@@ -125,23 +156,28 @@ class Flow:
                 f"the program has carried out {interpreter.settings.max_lines} lines; if it is "
                 "right that it goes on, raise max_lines"
             )
-        line = self._line(i)
-        if line is None or (line.deleted and interpreter.settings.block_delete):
-            self._next += 1
+        line = self._source.lines.get(i) or self._line(i)
+        if line is BLANK or (line.deleted and interpreter.settings.block_delete):
+            self._next = i + 1
+            return
+        flow = line.flow
+        if flow is not None:
+            self._empty = False
+            self._next = self._keywords[flow.keyword](flow, i)
             return
         interpreter.canon.line = i + 1
-        if line.flow is not None:
-            self._empty = False
-            self._next = self._keywords[line.flow.keyword](line.flow, i)
-            return
-        interpreter.execute(line)
-        self._empty = self._empty and not line.asks
-        self._next += 1
+        if line.only_sets:
+            line.set_parameters(interpreter.parameters)
+        else:
+            interpreter.execute(line)
+        if self._empty:
+            self._empty = not line.asks
+        self._next = i + 1
         if interpreter.request is not None:
             self._serve(interpreter.request)
 
-    def _line(self, i: int) -> Line | None:
-        """Return a line, read; a percent sign is none."""
+    def _line(self, i: int) -> Line:
+        """Return a line, read; a percent sign is a blank one."""
         try:
             return self._source.line(i, keep=bool(self._calls or self._loops))
         except Fault:
@@ -149,7 +185,7 @@ class Flow:
                 raise
         self._closed = self._percent or not self._empty
         self._percent = True
-        return None
+        return BLANK
 
     def _serve(self, request: tuple[object, ...]) -> None:
         """Do what M98 or M99 asked for."""
@@ -205,7 +241,6 @@ class Flow:
             if branch > i:
                 self._next = branch  # faults are about that line
                 line = self._source.line(branch, keep=True)
-                assert line is not None
                 assert line.flow is not None
                 if line.flow.keyword == "ELSE" or self._value_of(line.flow) != 0:
                     return branch + 1

@@ -213,6 +213,7 @@ class Interpreter:
         self._next_tool = 0
         self._tool = 0
         self._series: dict[str, float] = {}  # sticky words of canned cycles
+        self._pause = 0.0  # P of the last one that had it: a tap waits for so long
         self._old_depth = 0.0  # before a series of canned cycles
 
         self.parameters = parameters = Parameters()
@@ -233,7 +234,6 @@ class Interpreter:
         self._steps: tuple[tuple[Group, Callable[[int, Block], None]], ...] = (
             (Group.TOOL_CHANGE, self._change_tool),
             (Group.TOOL_NUMBER, self._name_tool),
-            (Group.SPINDLE_MODE, self._set_spindle_mode),
             (Group.SPINDLE, self._set_spindle),
             (Group.STATE, self._keep_state),
             (Group.COOLANT, self._set_coolant),
@@ -290,9 +290,9 @@ class Interpreter:
             If it cannot be done, with its column.
         """
         self.canon.number = line.number
-        block = line.block(self.parameters)
-        for key, value in block.settings:
-            self.parameters.set(key, value)
+        block = line.constant or line.block(self.parameters)
+        if line.settings:
+            line.set_parameters(self.parameters)
         if line.comment is not None:
             self._comment(line.comment)
         if block.words or block.g or block.m:
@@ -309,6 +309,12 @@ class Interpreter:
                 self._plain_move(code, block)
             else:
                 self._execute(block)
+
+    @property
+    def plain(self) -> bool:
+        """Whether G0 and G1 with axis words mean just that."""
+        modal = self.modal
+        return self._compensation is None and modal.feed_mode == 940 and not modal.diameter
 
     def finish(self, *, percent: bool = False) -> None:
         """Carry out what still waits at the end of the program, and close."""
@@ -328,12 +334,9 @@ class Interpreter:
         words, modal = block.words, self.modal
         if "F" in words:
             self._set_feed(block)
-            if len(words) == 1:
-                modal.motion = code if block.g else modal.motion
+            if not block.g and len(words) == 1:
                 return
         modal.motion = code
-        if not words:
-            return
         position = self.position
         self.position = end = position.copy()
         axes, absolute = self._axis, modal.absolute
@@ -347,6 +350,8 @@ class Interpreter:
             self.canon.emit(c.StraightTraverse(end))
         else:
             if modal.feed <= 0:
+                if not words:
+                    return  # G1 alone only sets the mode
                 self._refuse_zero_feed(block)
             self.canon.emit(c.StraightFeed(end))
 
@@ -393,8 +398,10 @@ class Interpreter:
             self._set_feed_mode(groups[Group.FEED_MODE])
         if "F" in words:
             self._set_feed(block, groups.get(Group.UNITS))
-        if "S" in words and groups.get(Group.SPINDLE_MODE) != 960:
-            self._set_speed(block, groups)
+        if Group.SPINDLE_MODE in groups:
+            self._set_spindle_mode(groups[Group.SPINDLE_MODE], block)
+        if "S" in words:
+            self._set_speed(block)
         if "T" in words:
             self._select_tool(block)
         if groups:
@@ -408,7 +415,7 @@ class Interpreter:
             self._emit(c.Remark("interpreter: motion mode set to none"))
             self.modal.motion = None
         if motion_now is not None and motion_now != 800:
-            if has_axes or motion_now not in (0, 10):
+            if has_axes or motion_now not in (0, 10) or self.modal.feed > 0 or motion_now == 0:
                 self._motions[motion_now](motion_now, block)
             if motion_now not in PROBES:
                 self.modal.motion = motion_now
@@ -500,8 +507,6 @@ class Interpreter:
 
     def _set_feed_mode(self, code: int) -> None:
         modal = self.modal
-        if modal.feed_mode == code:
-            return
         modal.feed_mode = code
         self._emit(c.Remark(f"interpreter: feed mode set to {_FEED_MODES[code]}"))
         self._emit(c.SetFeedMode(code == 950))
@@ -521,7 +526,7 @@ class Interpreter:
         modal.feed_scale = modal.scale if units is None else INCH if units == 200 else 1.0
         self._emit(c.SetFeedRate(feed, modal.feed_scale))
 
-    def _set_speed(self, block: Block, groups: Mapping[Group, int]) -> None:
+    def _set_speed(self, block: Block) -> None:
         speed = block.words["S"]
         if speed < 0:
             raise block.fault("the spindle speed must not be negative; M4 turns backwards", "S")
@@ -587,7 +592,6 @@ class Interpreter:
             raise block.fault("the greatest speed must be above 0", "D")
         self.modal.surface_limit = limit
         self._emit(c.SetSpindleMode(limit))
-        self._set_speed(block, _NO_GROUPS)
 
     def _set_spindle(self, code: int, block: Block) -> None:
         if code == 19:
@@ -1243,6 +1247,7 @@ class Interpreter:
             if letter not in self._series:
                 raise block.fault(f"{name} needs {letter}", "G", code)
         series = self._series
+        self._pause = series.get("P", self._pause)
         if "Q" in cycle.words and series["Q"] <= 0:
             raise block.fault("Q, the depth of a peck, must be above 0", "Q")
         if cycle.spindle is not None and not (
@@ -1272,12 +1277,15 @@ class Interpreter:
             clear,
             CLEARANCE / modal.scale,
             modal.spindle,
-            dict(series),
+            {"P": self._pause, **series},
+            [name for name in ("FEED_OVERRIDE", "SPEED_OVERRIDE") if getattr(modal, name.lower())],
         )
         if code == 870 and not modal.absolute:
             hole.words["IJK"[plane]] += bottom
         if self._old_depth < retract:
             hole.traverse(retract)
+        elif goes_on:
+            hole.position[plane] = clear  # from hole to hole at this depth
         exact = modal.path[0] == "EXACT_PATH"
         if not exact:
             self._emit(c.SetMotionControlMode("EXACT_PATH"))
@@ -1365,7 +1373,8 @@ class Interpreter:
         blank = Block("")
         if kept.scale != now.scale:
             self._set_units(200 if kept.scale == INCH else 210, blank)
-        self._set_feed_mode(kept.feed_mode)
+        if kept.feed_mode != now.feed_mode:
+            self._set_feed_mode(kept.feed_mode)
         now.feed, now.feed_scale = kept.feed, kept.feed_scale
         self._emit(c.SetFeedRate(kept.feed, kept.feed_scale))
         now.speed = kept.speed
@@ -1384,7 +1393,9 @@ class Interpreter:
         self._set_center_mode(901 if kept.absolute_centers else 911, blank)
         if kept.diameter != now.diameter:
             self._set_lathe_mode(70 if kept.diameter else 80, blank)
-        now.retract, now.motion = kept.retract, kept.motion
+        if kept.retract != now.retract:
+            self._set_retract_mode(kept.retract, blank)
+        now.motion = kept.motion
         if (kept.mist, kept.flood) != (now.mist, now.flood):
             self._coolant_off()
             for coolant in [7] * kept.mist + [8] * kept.flood:

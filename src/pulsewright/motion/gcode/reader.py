@@ -23,6 +23,7 @@ from pulsewright.motion.gcode.expressions import (
     Arctangent,
     Binary,
     Exists,
+    Fixed,
     Function,
     Named,
     Negative,
@@ -32,7 +33,7 @@ from pulsewright.motion.gcode.expressions import (
     Span,
 )
 from pulsewright.motion.gcode.faults import Fault
-from pulsewright.motion.gcode.parameters import Parameters
+from pulsewright.motion.gcode.parameters import POSITION, Parameters
 
 MAX_NESTING: Final = 50  # values within values; far from Python's own recursion limit
 
@@ -48,6 +49,7 @@ _COMMENT: Final = re.compile(r"\([^()]*\)|;.*")
 _MESSAGE: Final = re.compile(
     r"\(\s*(msg|debug|print|log|logopen|logappend|logclose)\b\s*,?([^()]*)\)", re.IGNORECASE
 )
+_FIXED: Final = frozenset(range(1, POSITION))  # parameters that are nothing but numbers
 _GAP: Final = ";"  # stands for a comment, so that words do not grow together across it
 _KEYWORD: Final = re.compile(
     "ENDSUB|SUB|CALL|RETURN|IF|ELSEIF|ELSE|ENDIF|WHILE|ENDWHILE|DO|REPEAT|ENDREPEAT|BREAK|CONTINUE"
@@ -123,18 +125,15 @@ class Block:
         Ten times the numbers of the G words, in order.
     m : list[int]
         The M words, in order.
-    settings : sequence of (key, value)
-        Parameters to set once the line is read.
     """
 
-    __slots__ = ("g", "m", "settings", "text", "words")
+    __slots__ = ("g", "m", "text", "words")
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.words: dict[str, float] = {}
         self.g: list[int] = []
         self.m: list[int] = []
-        self.settings: Sequence[tuple[int | str, float]] = ()
 
     def fault(self, message: str, letters: Container[str], code: int | None = None) -> Fault:
         """Return a fault at the first word with one of ``letters``; a G or M word counts by code.
@@ -149,6 +148,9 @@ class Block:
                 if item.letter in letters and (value is None or code in (None, value)):
                     return Fault(message, *reader.place(item.start, item.end))
         return Fault(message, 1 + len(self.text) - len(self.text.lstrip()), self.text.strip())
+
+
+NO_CODES: Final = Block("")
 
 
 class Line:
@@ -166,9 +168,27 @@ class Line:
         Its last comment in parentheses; the dialect forgets the others.
     flow : OWord or None
         What it asks of the flow of control; it then has no words.
+    constant : Block or None
+        Its words, if their values never change.
+    items, settings : sequences
+        Its words otherwise, and the parameters that it sets.
+    only_sets : bool
+        It does nothing but set parameters.
     """
 
-    __slots__ = ("_block", "_items", "_reader", "comment", "deleted", "flow", "number", "text")
+    __slots__ = (
+        "_codes",
+        "_reader",
+        "comment",
+        "constant",
+        "deleted",
+        "flow",
+        "items",
+        "number",
+        "only_sets",
+        "settings",
+        "text",
+    )
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -176,55 +196,95 @@ class Line:
         self.number = ""
         self.comment: Comment | None = None
         self.flow: OWord | None = None
-        self._block: Block | None = None  # of a line whose values never change
-        self._items: Sequence[_Item] = ()
+        self.constant: Block | None = None
+        self.items: Sequence[_Item] = ()
+        self.settings: Sequence[tuple[Numbered | Named, Node]] = ()
+        self.only_sets = False
+        self._codes = NO_CODES
         self._reader: _Reader | None = None
 
     @property
     def asks(self) -> bool:
         """Whether it holds words, settings or a message: all but a plain comment."""
-        block = self._block
+        block = self.constant
         words = block is not None and (block.words or block.g or block.m)
         message = self.comment is not None and self.comment.kind != "comment"
-        return bool(words or self._items or message)
+        return bool(words or self.items or self.settings or message)
+
+    def hold(self, items: Sequence[_Item], reader: _Reader) -> None:
+        """Take the words and settings that a reader has found."""
+        self._reader = reader
+        self.settings = [(item.key, item.node) for item in items if item.key is not None]
+        self.items = [item for item in items if item.key is None]
+        codes = [item for item in self.items if item.letter in "GM"]
+        if all(isinstance(item.node, Number) for item in codes):
+            # They are the same each time.
+            self._codes = Block(self.text)
+            for item in codes:
+                self._add_code(self._codes, item, item.node.value(_NO_PARAMETERS))
+            self.items = [item for item in self.items if item.letter not in "GM"]
+        if not self.items:
+            self.constant = self._codes
+        others = self.items or codes or self.comment or self.number
+        self.only_sets = bool(self.settings) and not others
 
     def block(self, parameters: Parameters) -> Block:
-        """Work out all values.
+        """Work out all words.
 
         Raises
         ------
         Fault
             If a value cannot be worked out, or a code is none.
         """
-        if self._block is not None:
-            return self._block
+        if self.constant is not None:
+            return self.constant
         block = Block(self.text)
-        words, settings = block.words, []
-        for letter, node, key, start, end in self._items:
-            value = node.value(parameters)
-            if key is not None:
-                name = key.key(parameters)
-                parameters.check(name, key.span)
-                settings.append((name, value))
-            elif letter == "G":
-                block.g.append(
-                    self._code(10 * value, "a G code has one decimal at most", start, end)
-                )
-            elif letter == "M":
-                block.m.append(self._code(value, "an M code is a whole number", start, end))
+        block.g, block.m = self._codes.g, self._codes.m
+        words = block.words
+        for item in self.items:
+            letter = item[0]
+            value = item[1].value(parameters)
+            if letter == "G" or letter == "M":
+                block.g, block.m = block.g.copy(), block.m.copy()
+                self._add_code(block, item, value)
             else:
                 words[letter] = value
-        block.settings = settings
-        if all(isinstance(item.node, Number) and item.key is None for item in self._items):
-            self._block = block
         return block
 
-    def _code(self, value: float, message: str, start: int, end: int) -> int:
-        code = round(value)
-        if abs(value - code) > (10 * EQUAL if "G" in message else EQUAL):
+    def _add_code(self, block: Block, item: _Item, value: float) -> None:
+        """Add a G or M code to a block."""
+        letter, _, _, start, end = item
+        if letter == "G":
+            code, codes, slack = 10 * value, block.g, 10 * EQUAL
+            message = "a G code has one decimal at most"
+        else:
+            code, codes, slack, message = value, block.m, EQUAL, "an M code is a whole number"
+        if abs(code - round(code)) > slack:
             assert self._reader is not None
             self._reader.fail(message, start, end)
-        return code
+        codes.append(round(code))
+
+    def set_parameters(self, parameters: Parameters) -> None:
+        """Work out the parameters that it sets, then set them.
+
+        Raises
+        ------
+        Fault
+            If a value cannot be worked out, or a parameter cannot be set.
+        """
+        if len(self.settings) == 1:
+            key, node = self.settings[0]
+            value = node.value(parameters)
+            if type(key) is Named and key.local:
+                parameters.local[key.name] = value
+                return
+            values = [(key, value)]
+        else:
+            values = [(key, node.value(parameters)) for key, node in self.settings]
+        for key, value in values:
+            name = key.key(parameters)
+            parameters.check(name, key.span)
+            parameters.set(name, value)
 
 
 def read_line(text: str) -> Line | None:
@@ -258,7 +318,7 @@ def read_line(text: str) -> Line | None:
                 break
         else:
             if len(squeezed) < 300:  # then no number reaches infinity
-                line._block = block
+                line.constant = block
                 if plain is not text and "(" in text:
                     line.comment = _last_comment(text)
                     if "(" in plain or ")" in plain:
@@ -321,15 +381,12 @@ class _Reader:
         line.deleted = self.line.startswith("/")
         self._start()
         line.number = self.number
+        line.comment = _last_comment(self.text)
         if self.line[self.at : self.at + 1] == "O":
             line.flow = self._flow()
         else:
-            line._items, line._reader = list(self.items()), self
-            if not line._items:
-                line._block = Block(self.text)
-        line.comment = _last_comment(self.text)
-        asks = line.flow or line.comment or line._items or line.number
-        return line if asks else None
+            line.hold(list(self.items()), self)
+        return line if line.asks or line.flow or line.comment or line.number else None
 
     def _start(self) -> None:
         """Read a slash and a line number; refuse broken comments."""
@@ -528,8 +585,14 @@ class _Reader:
             self.at = end + 1
             return Named(name, Span(self, start, self.at))
         node = self._value()
-        return Numbered(node, Span(self, start, self.at))
+        span = Span(self, start, self.at)
+        if isinstance(node, Number) and node.number in _FIXED:
+            return Fixed(int(node.number), span)
+        return Numbered(node, span)
 
 
 def _ascii_upper(c: str) -> str:
     return c.upper() if c.isascii() else c
+
+
+_NO_PARAMETERS: Final = Parameters()

@@ -15,6 +15,8 @@ from pulsewright.motion.gcode.source import Source
 from pulsewright.motion.moves import AXES, Program
 from pulsewright.units import INCH
 
+BULK_LINES = 500  #: lines from which on the compiled reader pays
+
 #: What ``rs274 -g`` takes for a machine: one with inch parameters and six axes.
 STAND_ALONE = InterpreterSettings(axes=AXES, unit=INCH)
 
@@ -88,7 +90,13 @@ def canonical(
 
 def _record(source: Source, settings: InterpreterSettings) -> Program:
     recorder = Recorder(settings.start, settings.path_tolerance, settings.exact_tolerance)
-    Flow(Interpreter(settings, recorder), source).run()
+    interpreter = Interpreter(settings, recorder)
+    bulk = None
+    if source.count >= BULK_LINES:
+        from pulsewright.motion.gcode.bulk import Bulk  # compiled code takes time to load
+
+        bulk = Bulk(interpreter, recorder, source).run
+    Flow(interpreter, source, bulk).run()
     try:
         return recorder.program(source.path)
     except Fault as fault:

@@ -14,6 +14,8 @@ from pulsewright.errors import GcodeError
 from pulsewright.motion.gcode.faults import Fault
 from pulsewright.motion.gcode.reader import Label, Line, OWord, read_line
 
+BLANK: Final = Line("")
+
 _O_LINE: Final = re.compile(rb"^[ \t]*(?:/[ \t]*)?(?:[nN][ \t0-9.]*)?[oO]", re.MULTILINE)
 
 #: Keywords that end or divide a construct, with those that begin it.
@@ -63,7 +65,9 @@ class Source:
         ends = np.flatnonzero(np.frombuffer(self.data, np.uint8) == ord("\n"))
         #: Offset of each line, and of where another would begin.
         self.starts = np.concatenate([[0], ends + 1, [len(self.data) + 1]]).astype(np.int64)
-        self._lines: dict[int, Line | None] = {}
+        self.count = len(self.starts) - 1
+        #: Lines that have been read and are kept.
+        self.lines: dict[int, Line] = {}
 
     @classmethod
     def from_file(cls, path: str | Path) -> Source:
@@ -87,23 +91,18 @@ class Source:
             raise GcodeError("this is not a text file (it holds NUL bytes)", path=path)
         return cls(data, str(path))
 
-    def __len__(self) -> int:
-        """Return the number of lines."""
-        return len(self.starts) - 1
-
     def text(self, i: int) -> str:
         """Return the text of a line, from 0."""
         return self.data[self.starts[i] : self.starts[i + 1] - 1].decode(self._encoding)
 
-    def line(self, i: int, *, keep: bool) -> Line | None:
-        """Return a line, read; ``keep`` it for the next time."""
-        try:
-            return self._lines[i]
-        except KeyError:
-            line = read_line(self.text(i))
+    def line(self, i: int, *, keep: bool) -> Line:
+        """Return a line, read; ``keep`` it for the next time. `BLANK` if there is nothing in it."""
+        line = self.lines.get(i)
+        if line is None:
+            line = read_line(self.text(i)) or BLANK
             if keep:
-                self._lines[i] = line
-            return line
+                self.lines[i] = line
+        return line
 
     # O-words
 
@@ -171,6 +170,6 @@ class Source:
                 line = self.line(int(i), keep=True)
             except Fault:
                 continue  # it complains when the program comes by
-            if line is not None and line.flow is not None and line.flow.label is not None:
+            if line.flow is not None and line.flow.label is not None:
                 words.append((int(i), line.flow))
         return words

@@ -97,12 +97,7 @@ DESIGNS: Final = (
     ),
     Design("rapcores", "document", 8, {"ice40": (Figures(), Figures(2200)), "ecp5": _OPEN}),
     Design("s3g", "robust", 1, {"xc6s": (Figures(), Figures(1200))}),
-    Design(
-        "s3g",
-        "robust",
-        2,
-        {"ice40": _OPEN, "ecp5": _OPEN, "xc6s": (Figures(), Figures(1200 + 250))},
-    ),
+    Design("s3g", "robust", 2, {"xc6s": (Figures(), Figures(1200 + 250))}),
 )
 SEEDS: Final = (1, 2, 3, 4, 5, 6, 7)
 

@@ -329,6 +329,13 @@ def _job_process(program: Path, folder: Path) -> None:
     print(result.job.duration, spent, result.verdict.steps, peak)
 
 
+def motion() -> Figures:
+    """Programs interpreted, beside LinuxCNC's interpreter where it is installed."""
+    from pulsewright.app import bench_gcode
+
+    return [_figure("motion", *row) for row in bench_gcode.rows()]
+
+
 def area(page: Path | None = None, progress: Progress = silent) -> Figures:
     """Size and speed of all gateware on both FPGA families; ``page`` gets the table.
 
@@ -354,7 +361,7 @@ def area(page: Path | None = None, progress: Progress = silent) -> Figures:
     return figures
 
 
-SPEED: Final[dict[str, Callable[[], Figures]]] = {"twin": twin, "job": job}
+SPEED: Final[dict[str, Callable[[], Figures]]] = {"twin": twin, "job": job, "motion": motion}
 BENCHMARKS: Final = (*SPEED, "links", "area")
 
 if __name__ == "__main__":

@@ -223,7 +223,8 @@ def test_11_encoder_counts_and_velocities(profile):
         state = twin.state()
         assert state["encoder_position"][0] == n + 1
         seen.append(state["encoder_velocity"][0])
-    assert seen == [c - 253, 99, 49, 0]
+    # in 0.2 a velocity is not known before the second count
+    assert seen == [0 if profile == "v020" else c - 253, 99, 49, 0]
 
 
 @pytest.mark.parametrize(("profile", "mask"), [("document", 2), ("upstream", 0x0D)])

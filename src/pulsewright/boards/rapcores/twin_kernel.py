@@ -55,6 +55,7 @@ from pulsewright.boards.rapcores.twin_state import (
     RST_N,
     SCK,
     STEP,
+    V020,
     State,
     hold_telemetry,
     motor_row,
@@ -303,7 +304,7 @@ def look(s: State, e: int, cycle: int) -> None:
         step = quadrature.count(encoder.a, encoder.b, encoder.pin_a, encoder.pin_b)
         encoder.old_position, encoder.old_velocity = encoder.position, encoder.velocity
         encoder.position = signed(encoder.position + step)
-        encoder.velocity = signed(step * (cycle - encoder.last - 1))
+        encoder.velocity = signed(step * max(cycle - encoder.last - 1, 0))
         encoder.last = cycle
     encoder.a, encoder.b = encoder.pin_a, encoder.pin_b
 
@@ -430,7 +431,8 @@ def leave_reset(s: State, cycle: int) -> None:
     for i in range(board.motors):
         s.world[0].motors[i].shown = cycle
     for e in range(board.encoders):
-        s.world[0].encoders[e].last = cycle - 1
+        # the original 0.2 knows no velocity before the second count
+        s.world[0].encoders[e].last = NEVER if board.profile == V020 else cycle - 1
 
 
 # ------------------------------------------------------------------------------------- edge by edge

@@ -66,21 +66,22 @@ def test_gateware_matches_the_twin(scenario):
     both.run(traffic)
 
 
-LEAST = {  # per million cycles; document, and the originals
+# In a million cycles; the originals stand still more often, so in two million.
+LEAST = {
     "document": {
         "move_done": 30, "step": 1500, "dir": 200, "en": 3, "buffer_dtr": 10, "cipo": 200,
         "refused": 5, "framing": 2, "aborted": 1, "unknown": 2, "halt_seen": 1,
     },
-    "upstream": {"move_done": 30, "dir": 100, "en": 4, "buffer_dtr": 4, "cipo": 1000},
-    "v020": {"move_done": 30, "step": 1000, "dir": 50, "en": 4, "buffer_dtr": 2, "cipo": 500},
+    "upstream": {"move_done": 15, "dir": 50, "en": 4, "buffer_dtr": 2, "cipo": 500},
+    "v020": {"move_done": 15, "step": 1000, "dir": 50, "en": 4, "buffer_dtr": 2, "cipo": 500},
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["document", "shared", "fixed", "v020"])
 def test_gateware_matches_the_twin_in_busy_traffic(name):
     both = pair(name)
-    seen = both.run(busy(Random(7), both, 500_000, flaws=60))
-    assert_busy(seen, {key: count // 2 for key, count in LEAST[both.profile].items()})
+    cycles = 1_000_000 if both.profile == "document" else 2_000_000
+    assert_busy(both.run(busy(Random(9), both, cycles)), LEAST[both.profile])
 
 
 @pytest.mark.campaign
@@ -96,4 +97,6 @@ def test_gateware_matches_the_twin_for_many_cycles(name):
         seen += both.run(traffic)
         cycles += traffic.at
     least = LEAST[both.profile] | ({"fault": 2, "lost": 1} if name == "document" else {})
-    assert_busy(seen, {key: 9 * count for key, count in least.items()})
+    if name == "frames":  # where messages are not aborted
+        del least["aborted"]
+    assert_busy(seen, {key: 4 * count for key, count in least.items()})

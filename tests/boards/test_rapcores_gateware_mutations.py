@@ -80,10 +80,6 @@ COMPARED_FAULTS = {
         DOCUMENT, "sequencer.arm.eq(self._accept & ~self._halted)", "sequencer.arm.eq(1)",
     ),
     "a halt is forgotten": (DOCUMENT, "& ~self._halt_seen", ""),
-    "an event while cleared is lost": (
-        DOCUMENT, "Mux(cleared, 0, count) + self._events[name]",
-        "Mux(cleared, 0, count + self._events[name])",
-    ),
     "times of 0 are long": (DOCUMENT, "Mux(value == 0, 0, value - 1)", "value - 1"),
     "telemetry is live": (
         DOCUMENT, "update = ~self._sequencer.run | self._sequencer.load", "update = Const(1)",

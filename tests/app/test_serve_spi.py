@@ -27,7 +27,7 @@ class Spi:
 
 
 def test_librapcore_reads_what_it_wants(tmp_path):
-    """Each message one transfer of 16 bytes, with mode word 4 (CS active high), which is ignored."""
+    """Each message one transfer of 16 bytes; mode word 4, CS active high, is ignored."""
     with serving(
         "rapcores",
         profile="v020",

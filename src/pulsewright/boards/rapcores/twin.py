@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.rapcores import twin_kernel as kernel
@@ -39,12 +39,11 @@ from pulsewright.boards.rapcores.registers import (
     RESET_CYCLES,
     WORD_BITS,
 )
-from pulsewright.edges.trace import EdgeTrace
+from pulsewright.boards.twinning import Twin
 from pulsewright.errors import UsageError
 from pulsewright.transport.spi_bus import check_frame, frame_cycles
 from pulsewright.twin.clock import NEVER
-from pulsewright.twin.inputs import InputPins, merged
-from pulsewright.twin.recorder import Recorder
+from pulsewright.twin.inputs import merged
 
 NAME: Final = "rapcores twin"
 BUS_INPUTS: Final = ("rst_n", "cs", "sck", "copi", "halt")
@@ -69,7 +68,7 @@ def output_pins(motors: int) -> tuple[str, ...]:
     return (*OUTPUTS, *(f"{pin}{i}" for i in range(motors) for pin in ("step", "dir", "en")))
 
 
-class RapcoresTwin:
+class RapcoresTwin(Twin):
     """One board.
 
     It is in reset in cycles 0..254.
@@ -120,8 +119,6 @@ class RapcoresTwin:
     '0003000100000000'
     """
 
-    clock_hz = CLOCK_HZ
-
     def __init__(
         self,
         profile: str = DEFAULT_PROFILE,
@@ -141,13 +138,12 @@ class RapcoresTwin:
         self.profile, self.motors, self.encoders = profile, motors, encoders
         self.word_bits, self.bus_pins = word_bits, bus_pins
         self._word_bytes = word_bits // 8
-        self._make_words(WORDS)
-        self.input_pins, self.output_pins = input_pins(encoders), output_pins(motors)
-        self._inputs = InputPins(NAME, self.input_pins, {})
+        super().__init__(
+            "rapcores", CLOCK_HZ, input_pins(encoders), output_pins(motors), high=("buffer_dtr",)
+        )
         self._delay = np.full(len(self.input_pins), layout.ENCODER_DELAY)
         self._delay[: layout.ENCODER_PINS] = 0
         self._delay[layout.HALT] = layout.HALT_DELAY
-        self._recorder = Recorder(self.output_pins, CLOCK_HZ, ("buffer_dtr",))
 
         world = np.zeros(1, layout.WORLD)
         self._board, self._motors = world["board"][0], world["motors"][0]
@@ -168,44 +164,13 @@ class RapcoresTwin:
         self._spi["cs"] = 1
         self._s = layout.State(world, np.zeros((0, 3), np.int64), self._recorder.rows)
         kernel.enter_reset(self._s, -1)
-
-    # ---------------------------------------------------------------------------------------- time
-
-    @property
-    def now(self) -> int:
-        """Present cycle: its edge is done."""
-        return max(int(self._board["done"]), 0)
-
-    def advance(self, cycle: int) -> None:
-        """Run through the edge ``cycle``.
-
-        Raises
-        ------
-        UsageError
-            If the cycle is over.
-        """
-        if cycle < self.now:
-            raise UsageError(f"{NAME}: advance to cycle {cycle}, but it is already {self.now}")
-        while not kernel.run(self._s, cycle):
-            self._grow()
-
-    def drain(self, copy: bool = True) -> EdgeTrace:
-        """Return all level changes since the last call, up to, not including, cycle `now`.
-
-        Changes at `now` itself come with the next call, for the cycle may not be over.
-
-        Parameters
-        ----------
-        copy : bool
-            False: the arrays of the trace look into the twin's buffers and are valid only until
-            time goes on. For loops that look at every chunk once.
-        """
-        self._settle()
-        return self._recorder.drain(self.now, copy)
+        self._block = np.zeros(kernel.BLOCK, np.int64)
+        self._block_at = self._block.ctypes.data
+        self._make_words(WORDS)
 
     def reset(self) -> None:
         """Pulse ``rst_n``, and let time pass until the board listens again."""
-        start = int(self._board["done"]) + 1
+        start = self._done() + 1
         self.schedule([start, start + 1], "rst_n", [0, 1])
         self.advance(start + 1 + RESET_CYCLES)
 
@@ -247,7 +212,7 @@ class RapcoresTwin:
         check_frame(data)
         if half < 1:
             raise UsageError(f"{NAME}: half a period of {half} cycles; at least 1 is allowed")
-        if cycle <= int(self._board["done"]):
+        if cycle <= self._done():
             raise UsageError(
                 f"{NAME}: a frame at cycle {cycle}, but that is over; cycles from "
                 f"{self.now + 1} on are allowed"
@@ -263,10 +228,7 @@ class RapcoresTwin:
         self._bytes[:length] = data
         place = kernel.FRESH
         while place <= count:
-            s = self._s
-            place = kernel.transfer(
-                s.world, s.queue, *s.rows, place, cycle, half, self._words, count
-            )
+            place = kernel.transfer(self._block_at, place, cycle, half, count)
             if place == kernel.NOT_BY_WORDS:
                 return None
             if place <= count:
@@ -278,6 +240,17 @@ class RapcoresTwin:
         size = np.int64 if self.word_bits == WORD_BITS else np.int32
         self._words = np.zeros(count, size)
         self._bytes = self._words.data.cast("B")
+        self._locate()
+
+    def _locate(self) -> None:
+        """Write down where everything is, for kernels that look there."""
+        world, queue, rows = self._s
+        self._block[:] = (
+            *(world.ctypes.data, queue.ctypes.data, len(queue)),
+            *(rows.cycles.ctypes.data, len(rows.cycles)),
+            *(rows.pins.ctypes.data, len(rows.pins), rows.full.ctypes.data),
+            self._words.ctypes.data,
+        )
 
     def _transfer_bits(self, cycle: int, data: bytes, half: int) -> bytes:
         bits = np.unpackbits(np.frombuffer(data, np.uint8))
@@ -294,34 +267,6 @@ class RapcoresTwin:
             reply.append(int(self._spi["shown"]))
         self.advance(int(rises[-1]) + 2 * half)
         return np.packbits(reply).tobytes()
-
-    # -------------------------------------------------------------------------------------- inputs
-
-    def schedule(
-        self, cycles: ArrayLike, pins: str | Sequence[str] | ArrayLike, levels: ArrayLike
-    ) -> None:
-        """Let input pins change at later cycles.
-
-        Parameters
-        ----------
-        cycles : (n,) int
-            First edge that samples the new level, after `now` (from 0 on if nothing has run yet).
-            Any order; of several changes of one pin at one cycle the last one counts.
-        pins : (n,) str or int, or one of them for all
-            Names from `input_pins`, or their numbers there.
-        levels : (n,) int, or one for all
-            0 or 1.
-
-        Raises
-        ------
-        UsageError
-            If a pin is unknown, a level not possible or a cycle over; nothing is scheduled then.
-        """
-        board = self._board
-        events = self._inputs.events(cycles, pins, levels, int(board["done"]))
-        events[:, 0] += self._delay[events[:, 1]]
-        self._s = self._s._replace(queue=merged(self._s.queue[int(board["head"]) :], events))
-        board["head"] = board["next_event"] = 0
 
     # --------------------------------------------------------------------------------------- state
 
@@ -384,14 +329,26 @@ class RapcoresTwin:
 
     # ------------------------------------------------------------------------------------- helpers
 
-    def _grow(self) -> None:
-        self._recorder.grow()
-        self._s = self._s._replace(rows=self._recorder.rows)
+    def _done(self) -> int:
+        return int(self._board["done"])
+
+    def _run(self, cycle: int) -> bool:
+        return bool(kernel.run(self._s, cycle))
 
     def _settle(self) -> None:
-        """Bring the motors to the present cycle; they run only when looked at."""
         while not kernel.settle(self._s):
             self._grow()
+
+    def _queue(self, events: NDArray[np.int64]) -> None:
+        board = self._board
+        events[:, 0] += self._delay[events[:, 1]]
+        self._s = self._s._replace(queue=merged(self._s.queue[int(board["head"]) :], events))
+        board["head"] = board["next_event"] = 0
+        self._locate()
+
+    def _grow(self) -> None:
+        super()._grow()
+        self._locate()
 
 
 def _check(

@@ -5,13 +5,17 @@ The motors stay behind the present cycle and are brought to it when somebody loo
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pulsewright.boards.rapcores import twin_message as message
 from pulsewright.boards.rapcores import twin_motor as motion
 from pulsewright.boards.rapcores import twin_original as original
 from pulsewright.boards.rapcores import twin_spi as spi_pins
 from pulsewright.boards.rapcores.registers import (
+    HEADER_MOVE,
     HEADER_NOP,
     RESET_CYCLES,
     W_BRAKE,
@@ -37,6 +41,7 @@ from pulsewright.boards.rapcores.registers import (
     W_STEP_WIDTH,
     W_STEP_WIDTH_CYCLES_MASK,
     W_STEP_WIDTH_RESET,
+    WORD_BITS,
 )
 from pulsewright.boards.rapcores.twin_motor import Times
 from pulsewright.boards.rapcores.twin_state import (
@@ -56,6 +61,7 @@ from pulsewright.boards.rapcores.twin_state import (
     SCK,
     STEP,
     V020,
+    WORLD,
     State,
     hold_telemetry,
     motor_row,
@@ -68,7 +74,8 @@ from pulsewright.transport.spi_bus import CS_HIGH
 from pulsewright.twin import quadrature
 from pulsewright.twin.clock import NEVER
 from pulsewright.twin.kernel import hot, inlined, kernel
-from pulsewright.twin.recorder import Rows, drive, toggle
+from pulsewright.twin.memory import array_at
+from pulsewright.twin.recorder import PIN, Rows, drive, toggle
 
 FRAME_END: Final = 4  # cycles from the rise of CS to what it does
 
@@ -309,6 +316,40 @@ def look(s: State, e: int, cycle: int) -> None:
     encoder.a, encoder.b = encoder.pin_a, encoder.pin_b
 
 
+@inlined
+def turn(s: State, pin: int, level: int, cycle: int) -> int:
+    """Bring a pin of an encoder to a level; return the encoder, -1 if its other pin follows.
+
+    The change is the one before the head of the queue.
+    """
+    board, queue = s.world[0].board, s.queue
+    e = (pin - ENCODER_PINS) >> 1
+    if (pin - ENCODER_PINS) & 1:
+        s.world[0].encoders[e].pin_b = level
+        return e
+    s.world[0].encoders[e].pin_a = level
+    more = board.head < queue.shape[0]
+    if more and queue[board.head, 0] == cycle and queue[board.head, 1] == pin + 1:
+        return -1
+    return e
+
+
+@hot
+def take_encoders(s: State, end: int) -> None:
+    """Let the encoders count before cycle ``end``, up to a change of another pin."""
+    board, queue = s.world[0].board, s.queue
+    while board.head < queue.shape[0]:
+        cycle, pin = queue[board.head, 0], queue[board.head, 1]
+        if cycle >= end or pin < ENCODER_PINS:
+            break
+        level = queue[board.head, 2]
+        board.head += 1
+        board.done = cycle
+        e = turn(s, pin, level, cycle)
+        if e >= 0:
+            look(s, e, cycle)
+
+
 @hot
 def take_pins(s: State, cycle: int) -> None:
     """Bring all pins to what edge ``cycle`` looks at, and let the encoders count."""
@@ -317,15 +358,9 @@ def take_pins(s: State, cycle: int) -> None:
         pin, level = queue[board.head, 1], queue[board.head, 2]
         board.head += 1
         if pin >= ENCODER_PINS:
-            e = (pin - ENCODER_PINS) >> 1
-            if (pin - ENCODER_PINS) & 1:
-                s.world[0].encoders[e].pin_b = level
-            else:
-                s.world[0].encoders[e].pin_a = level
-                if board.head < queue.shape[0]:
-                    both = queue[board.head, 0] == cycle and queue[board.head, 1] == pin + 1
-                    if both:
-                        continue
+            e = turn(s, pin, level, cycle)
+            if e < 0:
+                continue
             if board.in_reset:
                 if board.profile == DOCUMENT:
                     encoder = s.world[0].encoders[e]
@@ -438,20 +473,33 @@ def leave_reset(s: State, cycle: int) -> None:
 # ------------------------------------------------------------------------------------- edge by edge
 
 
+@inlined
+def counts_only(s: State) -> bool:
+    """Tell whether encoders that turn do nothing but count."""
+    board = s.world[0].board
+    calm = board.in_reset == 0 and board.check_at == NEVER and board.spi_at == NEVER
+    return bool(calm and s.world[0].spi.cs1 == 1)
+
+
 @hot
-def next_event(s: State) -> int:
-    """Return the first cycle after ``done`` in which something happens by itself."""
+def next_event(s: State, cycle: int) -> int:
+    """Return the first cycle after ``done`` in which something happens by itself.
+
+    What encoders count up to ``cycle``, before anything else happens, is done already.
+    """
     board = s.world[0].board
     first = min(board.reset_at, board.ready_at, board.spi_at)
-    if board.head < s.queue.shape[0]:
-        first = min(first, s.queue[board.head, 0])
-    if board.in_reset:
-        return int(first)
-    first = min(first, board.word_at, board.frame_at, board.halt_at, board.sequence_at)
-    if board.check_at != NEVER:
-        first = min(first, board.check_at - (ENCODER_DELAY - HALT_DELAY))
-    if board.profile != DOCUMENT:
-        first = min(first, original.next_event(s))
+    if not board.in_reset:
+        first = min(first, board.word_at, board.frame_at, board.halt_at, board.sequence_at)
+        if board.check_at != NEVER:
+            first = min(first, board.check_at - (ENCODER_DELAY - HALT_DELAY))
+        if board.profile != DOCUMENT:
+            first = min(first, original.next_event(s))
+    if board.head < s.queue.shape[0] and s.queue[board.head, 0] < first:
+        if counts_only(s):
+            take_encoders(s, min(first, cycle + 1))
+        if board.head < s.queue.shape[0]:
+            first = min(first, s.queue[board.head, 0])
     return int(max(first, board.done + 1))
 
 
@@ -516,7 +564,7 @@ def run(s: State, cycle: int) -> bool:
     board = s.world[0].board
     while True:
         if board.next_event <= cycle:
-            board.next_event = next_event(s)
+            board.next_event = next_event(s, cycle)
         if board.next_event > cycle:
             board.done = max(board.done, cycle)
             return True
@@ -540,6 +588,45 @@ FRESH: Final = -1  # place of a frame that is not begun
 NOT_BY_WORDS: Final = -2
 
 
+# Words of the block that tells where everything is: addresses, and lengths of arrays.
+WORLD_AT, QUEUE_AT, EVENTS, CYCLES_AT, PLACES, PINS_AT, PINS, FULL_AT, WORDS_AT = range(9)
+BLOCK: Final = 9
+
+
+@hot
+def state_at(at: int) -> State:
+    """Return the state of which the block at an address tells."""
+    block: NDArray[np.int64] = array_at(at, BLOCK, np.int64)
+    return State(
+        array_at(block[WORLD_AT], 1, WORLD),
+        array_at(block[QUEUE_AT], (block[EVENTS], 3), np.int64),
+        Rows(
+            array_at(block[CYCLES_AT], block[PLACES], np.int64),
+            array_at(block[PINS_AT], block[PINS], PIN),
+            array_at(block[FULL_AT], 1, np.int64),
+        ),
+    )
+
+
+@hot
+def word_at(at: int, place: int, bits: int) -> int:
+    """Return a word of a frame, of 64 or 32 bits."""
+    words = array_at(at, BLOCK, np.int64)[WORDS_AT]
+    if bits == WORD_BITS:
+        return int(array_at(words, place + 1, np.int64)[place])
+    return int(array_at(words, place + 1, np.int32)[place])
+
+
+@hot
+def put_word(at: int, place: int, bits: int, word: int) -> None:
+    """Replace a word of a frame."""
+    words = array_at(at, BLOCK, np.int64)[WORDS_AT]
+    if bits == WORD_BITS:
+        array_at(words, place + 1, np.int64)[place] = word
+    else:
+        array_at(words, place + 1, np.int32)[place] = word
+
+
 @inlined
 def takes_words(s: State, start: int, end: int) -> bool:
     """Tell whether a frame from ``start`` to ``end`` can be taken word by word."""
@@ -556,27 +643,36 @@ def takes_words(s: State, start: int, end: int) -> bool:
     return bool(spi_pins.quiet(board, s.world[0].spi))
 
 
+@hot
+def passes(s: State, cycle: int) -> bool:
+    """Let a word act in ``cycle`` at once if it is one of a move, not the last, and time is calm.
+
+    Such a word is only stored, and what it replies has been kept. Return False, and do nothing,
+    otherwise.
+    """
+    board = s.world[0].board
+    inside = board.header == HEADER_MOVE and board.place <= 2 * board.motors
+    if not inside or board.profile != DOCUMENT:
+        return False
+    if board.next_event <= cycle:
+        board.next_event = next_event(s, cycle)
+    if board.next_event <= cycle:
+        return False
+    message.move_word(s, board.word_value, cycle)
+    board.done = cycle
+    return True
+
+
 @kernel
-def transfer(
-    world: Any,
-    queue: Any,
-    cycles: Any,
-    pins: Any,
-    full: Any,
-    place: int,
-    start: int,
-    half: int,
-    words: Any,
-    count: int,
-) -> int:
+def transfer(at: int, place: int, start: int, half: int, count: int) -> int:
     """Take ``count`` words of a frame with CS falling at ``start``, from word ``place`` on.
 
-    ``place`` is `FRESH` at first. The state comes in its parts, which takes a third of the time. Each word is replaced by what
-    comes back with it. Return the place to go on from once buffers have room; one more than there
-    are words if the frame is done; `NOT_BY_WORDS`, with time just before ``start`` at most, if it
-    is to be sent bit by bit.
+    ``at`` is where `State` and words are, see `state_at`; ``place`` is `FRESH` at first. Each word
+    is replaced by what comes back with it. Return the place to go on from once buffers have room;
+    one more than there are words if the frame is done; `NOT_BY_WORDS`, with time just before
+    ``start`` at most, if it is to be sent bit by bit.
     """
-    s = State(world, queue, Rows(cycles, pins, full))
+    s = state_at(at)
     board = s.world[0].board
     bits = 2 * half * board.word_bits
     rise = start + 2 * half + count * bits
@@ -591,11 +687,12 @@ def transfer(
     while place < count:
         acts_at = start + half + (place + 1) * bits + spi_pins.FLAG
         if board.word_at == NEVER:
-            board.word_at = acts_at
-            board.word_value = words[place]
-            words[place] = board.reply
-            board.next_event = 0
-        if not run(s, acts_at):
+            board.word_value = word_at(at, place, board.word_bits)
+            put_word(at, place, board.word_bits, board.reply)
+            if not passes(s, acts_at):
+                board.word_at = acts_at
+                board.next_event = 0
+        if board.word_at != NEVER and not run(s, acts_at):
             return place
         if place == count - 1:
             spi_pins.after_word(board, s.world[0].spi, board.word_value)

@@ -7,6 +7,7 @@ import pytest
 
 from pulsewright.edges.trace import concatenate
 from pulsewright.twin import clock, epp, quadrature, step_pulse, step_rate
+from pulsewright.twin.inputs import merged
 from pulsewright.twin.recorder import FIRST_ROOM, Recorder, drive, pulses, toggle
 
 
@@ -164,3 +165,22 @@ def test_recorder_without_copy_looks_into_the_buffers(recorder):
     assert np.shares_memory(trace["a"], recorder.rows.cycles)
     pulses(recorder.rows, 0, 210, 100, 3, 2)
     assert recorder.drain(400)["a"].tolist() == [210, 213, 310, 313]
+
+
+@pytest.mark.parametrize(
+    ("queue", "events", "expected"),
+    [
+        ([], [[5, 1, 1], [5, 2, 0], [9, 1, 0]], [[5, 1, 1], [5, 2, 0], [9, 1, 0]]),
+        ([[4, 3, 1]], [[5, 1, 1], [6, 0, 0]], [[4, 3, 1], [5, 1, 1], [6, 0, 0]]),
+        # the same cycle as the end of the queue, and before it
+        ([[5, 3, 1]], [[5, 1, 1], [6, 0, 0]], [[5, 1, 1], [5, 3, 1], [6, 0, 0]]),
+        ([[7, 3, 1]], [[5, 1, 1]], [[5, 1, 1], [7, 3, 1]]),
+        # out of order by pin, by cycle; the last of several changes of a pin in a cycle
+        ([], [[5, 2, 1], [5, 1, 1]], [[5, 1, 1], [5, 2, 1]]),
+        ([], [[6, 1, 1], [5, 2, 1]], [[5, 2, 1], [6, 1, 1]]),
+        ([[3, 0, 1]], [[5, 1, 1], [5, 1, 0]], [[3, 0, 1], [5, 1, 0]]),
+    ],
+)
+def test_changes_of_inputs_are_merged_in_order(queue, events, expected):
+    rows = [np.array(part, np.int64).reshape(-1, 3) for part in (queue, events)]
+    assert merged(*rows).tolist() == expected

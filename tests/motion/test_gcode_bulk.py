@@ -111,7 +111,7 @@ def test_motion_without_mode_or_feed_is_left():
 
 
 NUMBER = st.from_regex(r"\A[+-]?([0-9]{1,5}(\.[0-9]{0,5})?|\.[0-9]{1,4})\Z")
-ATOM = NUMBER | st.sampled_from(["#<a>", "-#<B b>", "#1", "[#<a>]", "#<_w>"])
+ATOM = NUMBER | st.sampled_from(["#<a>", "-#<B b>", "#1", "[#<a>]", "#<_world>"])
 EXPRESSION = st.recursive(
     ATOM,
     lambda inner: st.builds(
@@ -137,7 +137,7 @@ OTHER = st.sampled_from(
         "G91",
         "#1=7",
         "#<a>=3.5",
-        "#<_w>=[#<a>+1]",
+        "#<_world>=[#<a>+1]",
         "(msg, hello)",
         "G55",
         "G10 L2 P2 X1 R30",
@@ -158,7 +158,11 @@ OTHER = st.sampled_from(
         "X",
     ]
 )
-HEAD = "G21 G90 F100\n#<a>=2 #<bb>=0.25 #<_w>=1\nG0 X1\n"
+HEAD = "G21 G90 F100\n#<a>=2 #<bb>=0.25 #<_world>=1\nG0 X1\n"
+
+
+def test_the_head_of_random_programs_is_right():
+    assert outcome(HEAD, 10**9)[0][5] == [[1.0, 0, 0, 0, 0, 0]]  # ends
 
 
 @settings(max_examples=120, deadline=None)

@@ -181,7 +181,7 @@ class Writer:
         self.lines.append(
             rng.choice(
                 [
-                    rng.choice(["G20 F10", "G21 F300", "G61", "G61.1", "G64", "G64 P.1"]),
+                    rng.choice(["G20 F10\nG64", "G21 F300\nG64", "G61", "G61.1", "G64 P.1"]),
                     rng.choice(["G98", "G99", "G17", "G18", "G19", "G80"]),
                     rng.choice(["M3 S100", "M4 S50", "M5", "M7", "M8", "M9", "M48", "M49"]),
                     rng.choice(["M50 P0", "M51", "M52 P1", "M53", "S300", "F77"]),

@@ -49,6 +49,7 @@ from pulsewright.units import INCH
 SYSTEMS: Final = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 
 FARTHEST: Final = 1e9  # [length units, degrees] where an axis may go
+SLOWEST: Final = 0.1  # [length units or degrees per minute] that inverse time asks for
 ARC_TOLERANCE: Final = {1.0: 0.005, INCH: 0.0005}  # of radii, by length unit [program units]
 REACH_TOLERANCE: Final = {1.0: 0.00127, INCH: 0.00005}  # of R against half the chord
 
@@ -1117,7 +1118,7 @@ class Interpreter:
                     {"F", "G", *_AXIS_WORDS},
                     modal.motion if not block.g else self._motion_code(block),
                 )
-            self._emit(c.SetFeedRate(length * feed, modal.scale))
+            self._emit(c.SetFeedRate(max(length * feed, SLOWEST), modal.scale))
         elif modal.feed <= 0:
             self._refuse_zero_feed(block)
 
@@ -1285,7 +1286,10 @@ class Interpreter:
         if self._old_depth < retract:
             hole.traverse(retract)
         elif goes_on:
-            hole.position[plane] = clear  # from hole to hole at this depth
+            # From hole to hole where the last one ended, but never below R nor, in G98, below
+            # where the series began.
+            depth = clear if modal.retract == 980 else max(retract, hole.position[plane])
+            hole.position[plane] = depth
         exact = modal.path[0] == "EXACT_PATH"
         if not exact:
             self._emit(c.SetMotionControlMode("EXACT_PATH"))
@@ -1347,6 +1351,7 @@ class Interpreter:
         end = self._target(block)
         thread.run(self._emit, self.position, end[2])
         self.position = end
+        modal.feed_override = True  # each pass has ended with it
 
     # State, subprograms, stops
 

@@ -132,7 +132,7 @@ class Traffic:
         self.halted = self.turning = False
         self.moves = []
         self._pins = input_pins(pair.encoders)
-        self._changes = []
+        self._changes = [np.zeros((0, 3), np.int64)]
 
     def set(self, pin, cycles, levels):
         """Set a pin at some cycles to one level or one each."""

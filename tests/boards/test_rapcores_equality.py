@@ -73,7 +73,7 @@ LEAST = {
         "refused": 5, "framing": 2, "aborted": 1, "unknown": 2, "halt_seen": 1,
     },
     "upstream": {"move_done": 15, "dir": 50, "en": 4, "buffer_dtr": 2, "cipo": 500},
-    "v020": {"move_done": 15, "step": 1000, "dir": 50, "en": 4, "buffer_dtr": 2, "cipo": 500},
+    "v020": {"move_done": 15, "step": 300, "dir": 50, "en": 4, "buffer_dtr": 2, "cipo": 500},
 }  # fmt: skip
 
 

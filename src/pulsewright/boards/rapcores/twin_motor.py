@@ -26,6 +26,8 @@ from pulsewright.twin.recorder import NEARLY_FULL, RESERVE, Rows, toggle
 FRACTION: Final = (1 << 63) - 1  # mask
 STEP: Final = -(1 << 63)  # one step, less than nothing so that it is a signed number
 FOREVER: Final = 1 << 40  # ticks: more than a move has
+SIGN: Final = 63  # its bit
+FEW: Final = 4  # steps: fewer are no train
 STEEP: Final = 1 << 55  # more change per tick is run tick by tick, so that nothing can wrap
 FASTEST: Final = (1 << 63) - (1 << 58)  # as are faster increments
 MARGIN: Final = 1.0 - 2.0**-20  # of the bound, far more than its rounding where a root is near 0
@@ -206,10 +208,43 @@ def run_ahead(
         left = min(left, (FASTEST - speed) // gain)
     # so many ticks do not wrap, wherever they begin
     most = FRACTION // max(speed, speed + (left - 1) * gain, 1)
-    crossed, missed, guess = 0, 0, 0
+    crossed, missed, guess, tries = 0, 0, 0, 2
     while left > 0:
-        # without branches, which could not be predicted: one tick less than from the step before,
-        # and up to two more
+        if at > begin and tries and left > 2 * FEW * guess:
+            # a train: from each step to the next it is ``fewest`` ticks, or up to two more
+            cycle = cycles[at - 2]
+            span = min(left, (end - 1 - width - cycle) // period) >> 2 * (2 - tries)
+            last = speed + span * gain
+            fewest = FRACTION // max(speed - gain, last, speed)
+            longest = FRACTION // max(min(speed, last), 1) + 1
+            count = min(span // longest, (room - at) // 2)
+            if longest > fewest + 2:
+                tries -= 1
+            elif count < FEW or fewest * period < width + times.low:
+                tries = 0
+            else:
+                jump, still = fewest * period, moved(fewest, 0, gain)
+                for _ in range(count):  # without branches, which could not be predicted
+                    total = short + fewest * speed + still
+                    speed += fewest * gain
+                    late = total >> SIGN
+                    total += speed & late
+                    speed += gain & late
+                    later = total >> SIGN
+                    total += speed & later
+                    speed += gain & later
+                    short = total ^ STEP
+                    cycle += jump + (period & late) + (period & later)
+                    cycles[at] = cycle
+                    cycles[at + 1] = cycle + width
+                    at += 2
+                low = cycle + width + times.low
+                crossed += count
+                count = (cycle - first - 2) // period + 1 - done
+                done += count
+                left -= count
+            continue
+        # one tick less than from the step before, and up to two more, without branches as well
         n = min(guess, left)
         total, now = short + moved(n, speed, gain), speed + n * gain
         more = total < 0

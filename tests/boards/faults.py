@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
+import math
 import operator
 import sys
 from contextlib import ExitStack
@@ -12,7 +14,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-# Modules that a twin consists of, each after those it imports.
+# Modules that a twin consists of, each after those it imports; `boards.twinning` is between them.
 FLOOR = ("kernel", "clock", "epp", "recorder", "quadrature", "step_rate", "step_pulse", "uart")
 ROOM = (
     *("twin_stepgen", "twin_channel", "twin_motor", "twin_state", "twin_program", "twin_protocol"),
@@ -42,9 +44,11 @@ def interpreted(room, *fault):
         Module, what is there, what comes in its place; or nothing.
     """
     names = [f"pulsewright.twin.{part}" for part in FLOOR]
+    names += ["pulsewright.boards.twinning"]
     names += [f"{room}.{part}" for part in ROOM if importlib.util.find_spec(f"{room}.{part}")]
     assert not fault or fault[0] in names
     with ExitStack() as stack:
+        stack.enter_context(patch("pulsewright.twin.memory.array_at", _array_at))
         stack.enter_context(patch.dict(sys.modules))
         for name in names:
             spec = importlib.util.find_spec(name)
@@ -66,6 +70,14 @@ def _source(name, old="", new=""):
     source = Path(importlib.util.find_spec(name).origin).read_text()
     assert old in source, f"{name} has no {old!r}"
     return source.replace(old, new, 1) if old else source
+
+
+def _array_at(address, shape, dtype):
+    """Return the array that lies at an address, in plain Python."""
+    dtype = np.dtype(dtype)
+    size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * dtype.itemsize
+    memory = (ctypes.c_char * int(size)).from_address(int(address))
+    return np.ndarray(shape, dtype, memory)
 
 
 def _with_attributes(dtype):

@@ -15,9 +15,9 @@ MESSAGE, ORIGINAL, STATE = f"{ROOM}.twin_message", f"{ROOM}.twin_original", f"{R
 FAULTS = {
     "a pulse is one cycle longer": (
         MOTOR,
-        "fall = cycle + times.width",
-        "fall = cycle + times.width + 1",
-        vectors.test_6_half_a_step_per_clock,
+        "fall = cycle + width",
+        "fall = cycle + width + 1",
+        vectors.test_steps_follow_the_ticks_that_cross_them,
     ),
     "direction setup is not kept": (
         MOTOR,
@@ -79,9 +79,21 @@ FAULTS = {
     ),
     "velocity counts one more": (
         KERNEL,
-        "(cycle - encoder.last - 1)",
-        "(cycle - encoder.last)",
+        "cycle - encoder.last - 1",
+        "cycle - encoder.last",
         partial(vectors.test_11_encoder_counts_and_velocities, "document"),
+    ),
+    "a train goes on while steps get longer": (
+        MOTOR,
+        "if longest > fewest + 2:",
+        "if longest > fewest + 900:",
+        vectors.test_steps_follow_the_ticks_that_cross_them,
+    ),
+    "a train does not get faster": (
+        MOTOR,
+        "speed += fewest * gain",
+        "speed += fewest",
+        vectors.test_steps_follow_the_ticks_that_cross_them,
     ),
     "a word acts one cycle late": (
         SPI,

@@ -155,6 +155,34 @@ def test_6_half_a_step_per_clock():
     assert host.twin.state()["fraction"] == [0]
 
 
+def test_steps_follow_the_ticks_that_cross_them():
+    """Steady, ever faster and ever slower, up and down: against the sum itself, tick by tick."""
+    speeds = [(U // 7, 0), (U // 50, U // 10**6), (-U // 9, -U // 10**5), (U // 8, -U // 10**5)]
+    ticks, period = 4000, 10
+    host = Host(motors=4, encoders=1)
+    host.configure(2, period - 1)
+    host.times(2, 2, 1, 1)
+    host.move(ticks, *speeds)
+    host.wait(ticks * period + 100)
+    last = host.changes("move_done")[0] - 1
+    for motor, (first, change) in enumerate(speeds):
+        speed, total, expected = first, 0, []
+        for tick in range(ticks):
+            before = total // U
+            total += speed
+            speed += change
+            if total // U != before:
+                expected.append(last - (ticks - 1 - tick) * period + 3)
+        rises = host.rises(f"step{motor}")
+        # the pin of direction comes before the first step down
+        assert rises[1:] == expected[1:]
+        assert len(rises) == len(expected) > 80
+        assert host.changes(f"step{motor}")[1::2] == [rise + 2 for rise in rises]
+        assert host.twin.state()["position"][motor] == total // U
+        assert host.twin.state()["fraction"][motor] == total % U
+        assert host.twin.state()["increment"][motor] == speed
+
+
 def test_7_a_reversal_between_chained_moves():
     host = Host(motors=1, encoders=1)
     host.configure(2, 9)

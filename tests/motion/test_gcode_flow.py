@@ -189,7 +189,7 @@ def test_tool_tables_are_read_and_written(tmp_path):
     assert (tmp_path / "tool.tbl.bak").read_text().startswith("T1 P3 Z+0.5")
     for text in ("P1 Z3", "T1 Z", "T1 ?3", "T1 Z1 Z2", "T1\nT1"):
         path.write_text(text)
-        with pytest.raises(UsageError, match="tool.tbl:"):
+        with pytest.raises(UsageError, match=r"tool\.tbl:"):
             read_tools(path)
     with pytest.raises(UsageError, match="cannot be read"):
         read_tools(tmp_path / "missing.tbl")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pulsewright.motion.gcode.faults import Fault
@@ -209,6 +209,7 @@ WORD = st.tuples(st.sampled_from("GNXYZABIJKRFSTPQLHDEMgxyz%$#[]("), NUMBER | st
 )
 
 
+@settings(deadline=None)
 @given(
     st.lists(WORD | st.sampled_from([" ", "\t", "(c)", "(", ")", "=", "/", "*"]), max_size=8).map(
         "".join
@@ -228,6 +229,7 @@ def test_fast_and_careful_reading_agree(text):
     assert outcome(lambda: read_line(text)) == outcome(_Reader(text).read)
 
 
+@settings(deadline=None)
 @given(st.text(max_size=40))
 def test_any_text_is_read_or_refused_with_its_place(text):
     fault = None

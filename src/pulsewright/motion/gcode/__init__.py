@@ -12,10 +12,10 @@ The dialect, and what is chosen where machines differ:
   inch/min.
 - Path: G61 (exact path), G61.1 (exact stop), G64 with P (tolerance) and Q (short segments).
 - Cutter compensation: G40, G41, G42, G41.1, G42.1 in G17 and G18; what would gouge is refused.
-- Canned cycles: G73 G74 G81 to G89 with G98 and G99 in all planes. G84 taps along its axis in G18 and
-  G19 too; there the printer alone repeats how the reference writes it.
-- Machine: M0 M1 M60, M2 M30, M3 M4 M5 S, G96 G97, M19, M6 T, M61, M7 M8 M9, M48 to M53, M62 to M68,
-  M70 to M73, G4.
+- Canned cycles: G73 G74 G81 to G89 with G98 and G99 in all planes. G84 taps along its axis in G18
+  and G19 too; there the printer alone repeats how the reference writes it.
+- Machine: M0 M1 M60, M2 M30, M3 M4 M5 S, G96 G97, M19, M6 T, M61, M7 M8 M9, M48 to M53, M62 to
+  M68, M70 to M73, G4.
 - Flow: O-words with numbers, names and values; subroutines in this file and in files of a search
   path; M98 and M99. M99 of the main program ends it. Calls and lines are limited: nothing hangs.
 - Values: expressions, functions, numbered and named parameters, which take their new values at the
@@ -25,16 +25,18 @@ The dialect, and what is chosen where machines differ:
   ``(PRINT,...)`` are messages.
 - A program ends at M2, M30, a second ``%`` or its last line.
 
-Everything else is refused with its line and column, never skipped: splines, lathe cycles, axes U V W,
-user-defined M codes.
+Everything else is refused with its line and column, never skipped: splines, lathe cycles, axes U V
+W, user-defined M codes.
 
-Read in this order: ``reader`` (text to `Line`) with ``expressions`` and ``parameters``, ``codes``
-(modal groups), ``interpreter`` (state and order of execution) with ``offsets``, ``arcs``, ``cycles``
-and ``compensation``, ``calls`` (what comes out: canonical calls), ``flow`` (which line is next),
-``recorder`` (calls to moves), ``printer`` (calls to text), ``bulk`` (plain lines past all that).
+Read in this order: ``reader`` (text to `Line`) with ``expressions`` and ``parameters``; ``codes``
+(modal groups) and ``calls`` (what comes out: canonical calls); ``interpreter`` (what a line does,
+and in which order) above ``context`` (the state), ``machine_codes``, ``mode_codes``,
+``origin_codes`` and ``motion_codes``, with their geometry in ``offsets``, ``arcs``, ``cycles`` and
+``compensation``; ``flow`` (which line is next); ``recorder`` (calls to moves) and ``printer``
+(calls to text); ``bulk`` (plain lines past all that).
 """
 
-from pulsewright.motion.gcode.interpreter import InterpreterSettings
 from pulsewright.motion.gcode.run import canonical, interpret, interpret_text
+from pulsewright.motion.gcode.settings import InterpreterSettings
 
 __all__ = ["InterpreterSettings", "canonical", "interpret", "interpret_text"]

@@ -8,8 +8,9 @@ import numpy as np
 
 from pulsewright.motion.gcode import calls as c
 from pulsewright.motion.gcode.bulk_kernel import DIGITS, FEED, MOTION, POSITION, read
-from pulsewright.motion.gcode.interpreter import FARTHEST, Interpreter
+from pulsewright.motion.gcode.interpreter import Interpreter
 from pulsewright.motion.gcode.recorder import Recorder
+from pulsewright.motion.gcode.settings import FARTHEST
 from pulsewright.motion.gcode.source import Source
 from pulsewright.motion.moves import AXES
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Final
 
+from pulsewright.motion.moves import Plane
+
 
 class Group(IntEnum):
     """A line may hold one code of each group."""
@@ -104,6 +106,22 @@ USERS: Final[dict[str, tuple[frozenset[int], frozenset[int]]]] = {
         ("E", (760,), (66, 67, 68)),
     )
 }  # fmt: skip
+
+
+#: Letters that say where to go.
+AXIS_WORDS: Final = frozenset("XYZABCUVW@^")
+# Letters of the centre of an arc, by axis.
+CENTERS: Final = "IJK"
+# Looking up a member of an enum takes longer than anything else done for a simple line.
+MOTION: Final = Group.MOTION
+PLANES: Final = {170: Plane.XY, 180: Plane.ZX, 190: Plane.YZ}
+SWITCHES: Final = {
+    50: "FEED_OVERRIDE",
+    51: "SPEED_OVERRIDE",
+    52: "ADAPTIVE_FEED",
+    53: "FEED_HOLD",
+}
+SYSTEM_CODES: Final = tuple(k for k, group in G_GROUPS.items() if group is Group.COORDINATES)
 
 
 def g_name(code: int) -> str:

@@ -8,9 +8,10 @@ from pathlib import Path
 from pulsewright.errors import GcodeError
 from pulsewright.motion.gcode.faults import Fault
 from pulsewright.motion.gcode.flow import Flow
-from pulsewright.motion.gcode.interpreter import Interpreter, InterpreterSettings
+from pulsewright.motion.gcode.interpreter import Interpreter
 from pulsewright.motion.gcode.printer import Printer
 from pulsewright.motion.gcode.recorder import Recorder
+from pulsewright.motion.gcode.settings import InterpreterSettings
 from pulsewright.motion.gcode.source import Source
 from pulsewright.motion.moves import AXES, Program
 from pulsewright.units import INCH

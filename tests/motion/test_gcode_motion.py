@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pulsewright.motion.gcode import InterpreterSettings, interpret, interpret_text
@@ -208,6 +208,7 @@ def test_radii_of_an_arc_may_differ_a_little(units, radius, difference, accepted
             moves(text)
 
 
+@settings(deadline=None)
 @given(
     st.floats(0.5, 100),
     st.floats(0, TAU),

@@ -48,5 +48,5 @@ def test_area_writes_the_page_that_it_prints(monkeypatch, tmp_path):
 def test_a_page_of_speeds_is_refused(tmp_path):
     with pytest.raises(UsageError, match="bench area"):
         bench.run("twin", page=tmp_path / "page.md")
-    with pytest.raises(UsageError, match="twin, job, .*area"):
+    with pytest.raises(UsageError, match=r"twin, job, .*area"):
         bench.run("size")

@@ -104,7 +104,7 @@ def merged(queue: NDArray[np.int64], events: NDArray[np.int64]) -> NDArray[np.in
 
 
 def _follows(queue: NDArray[np.int64], events: NDArray[np.int64]) -> bool:
-    """Tell whether events are in order and after all of the queue: then there is nothing to sort."""
+    """Tell whether events are in order and after all of the queue, so that nothing is to sort."""
     if len(queue) and len(events) and events[0, 0] <= queue[-1, 0]:
         return False
     cycle, pin = events[:, 0], events[:, 1]

@@ -164,7 +164,7 @@ class Writer:
         rng, n = self.rng, self.rng.randrange(1, 5)
         self.lines.append(
             rng.choice(
-                [
+                [  # with G49, or rs274 alone asks its absent machine for the place
                     f"G49\nT{n} M6",
                     f"T{n}",
                     f"G49\nM61 Q{n}",

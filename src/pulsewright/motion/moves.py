@@ -102,7 +102,8 @@ class Event:
     """Something that happens between moves: before move ``at``.
 
     The machine is at rest there, except for ``message``, ``mist``, ``flood``, ``output`` that goes
-    with the motion (M62, M63, M67) and another speed of a turning spindle, which do not interrupt it.
+    with the motion (M62, M63, M67) and another speed of a turning spindle: these do not interrupt
+    it.
 
     ``kind`` is one of ``spindle`` (value: signed rev/min, 0 off), ``orient`` (degrees), ``tool``
     (number), ``mist``, ``flood`` (0 or 1), ``output`` (value; text: what is set), ``input`` (text:

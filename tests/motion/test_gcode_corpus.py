@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import random
 import re
-import shutil
-import subprocess
 
 import numpy as np
+import oracle
 import pytest
 
 from pulsewright.motion.gcode import InterpreterSettings, interpret
@@ -141,24 +140,9 @@ def same(m, i, position, arc, tolerance):
 
 @pytest.fixture(scope="module")
 def rs274(tmp_path_factory):
-    """Run a program through LinuxCNC's interpreter, where it is installed."""
-    program = shutil.which("rs274")
-    if program is None:
-        pytest.skip("rs274 of LinuxCNC is not installed")
-
-    def run(path):
-        # a folder of its own: the interpreter leaves its offsets there for the next run
-        done = subprocess.run(
-            [program, "-g", str(path)],
-            cwd=tmp_path_factory.mktemp("rs274"),
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-        return done.stdout
-
-    return run
+    """Return what LinuxCNC's interpreter makes of a program."""
+    oracle.require_rs274()
+    return lambda path: oracle.rs274(path, tmp_path_factory.mktemp("rs274")).stdout
 
 
 @pytest.mark.parametrize("name", [*PROGRAMS, "daisy.ngc", "flowsnake.ngc", "spiral.ngc"])

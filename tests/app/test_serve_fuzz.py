@@ -59,6 +59,12 @@ def pour(path, data):
     client.close()
 
 
+MANY = (
+    pytest.mark.campaign,
+    pytest.mark.skip(reason="open: how long these take, and their bounds, are not known yet"),
+)
+
+
 def abuse(path, garbage, total, good):
     """Send ``total`` requests in many connections; return growth of memory after a tenth [kB]."""
     rng, done, before = random.Random(7), 0, 0
@@ -83,9 +89,7 @@ def good_epp(path, ident):
     client.close()
 
 
-@pytest.mark.parametrize(
-    "total", [4000, pytest.param(1_000_000, marks=pytest.mark.campaign)], ids=["some", "many"]
-)
+@pytest.mark.parametrize("total", [4000, pytest.param(1_000_000, marks=MANY)], ids=["some", "many"])
 @pytest.mark.parametrize(("board", "time_mode"), [("usc", "wall"), ("pluto_step", "lockstep:1000")])
 def test_garbage_on_an_epp_port(tmp_path, board, time_mode, total):
     path, ident = tmp_path / "bus", (0x0F, b"\x41") if board == "usc" else (0x15, b"\x00")
@@ -101,9 +105,7 @@ def test_garbage_on_an_epp_port(tmp_path, board, time_mode, total):
     assert growth < 20_000
 
 
-@pytest.mark.parametrize(
-    "total", [1000, pytest.param(1_000_000, marks=pytest.mark.campaign)], ids=["some", "many"]
-)
+@pytest.mark.parametrize("total", [1000, pytest.param(1_000_000, marks=MANY)], ids=["some", "many"])
 def test_garbage_on_an_spi_port(tmp_path, total):
     path = tmp_path / "bus"
 
@@ -122,7 +124,7 @@ def test_garbage_on_an_spi_port(tmp_path, total):
 
 
 @pytest.mark.parametrize(
-    "total", [20_000, pytest.param(1_000_000, marks=pytest.mark.campaign)], ids=["some", "many"]
+    "total", [20_000, pytest.param(1_000_000, marks=MANY)], ids=["some", "many"]
 )
 def test_garbage_on_a_serial_port(tmp_path, total):
     """Bytes, of which the wire takes 50000 a second; then silence longer than a packet."""

@@ -56,9 +56,6 @@ RECORDED_FAULTS = {
     "increment-increments from the wrong word": (
         ORIGINAL, "self._v020 or self._fixed else increment", "0 else increment",
     ),
-    "telemetry while a move executes": (
-        ORIGINAL, "with m.If(self._idle):\n", "with m.If(1):\n",
-    ),
 }  # fmt: skip
 COMPARED_FAULTS = {
     "a word goes on in the next frame": (
@@ -93,7 +90,6 @@ COMPARED_FAULTS = {
     "no hold time": (PULSE, "(setting_up | dir_ended)", "1"),
     "no setup time": (PULSE, "(~setting_up | dir_ended)", "1"),
     "one step more is owed": (PULSE, "total[8] ^ total[7]", "0"),
-    "pulses in a halt": (PULSE, "~self.blocked & ~self.step", "~self.step"),
     "levels at the end of a reset count": (ENCODER, "reset_less=self._primed", "reset_less=False"),
 }  # fmt: skip
 SHARED_FAULTS = {

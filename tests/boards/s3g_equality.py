@@ -178,7 +178,8 @@ class Traffic:
         -------
         Counter
             Requests answered with OK by name of the command (``STB``), those of them that load
-            (``load``), replies of other kinds by name (``ERROR``, ``UNKNOWN``, ``BUF_ERROR``),
+            (``load``), replies of other kinds by name (``ERROR``, ``UNKNOWN``, ``BUF_ERROR``), or
+            ``cut`` if a reset garbled them,
             reports (``INTERRUPT``), interrupts that are in a report and not in the one before by
             name (``ASG_DONE``), and answers about the program executor by its code (``WAITING``).
         """
@@ -200,7 +201,8 @@ class Traffic:
     def _count(self, seen, reply):
         code, arguments = self._requests.get(reply.tag, (-1, b""))
         if reply.code != s3g.REPLY_OK:
-            seen[packets.REPLIES.at(reply.code).name] += 1
+            kind = packets.REPLIES.at(reply.code)  # none: a reply that a reset cut may look whole
+            seen[kind.name if kind else "cut"] += 1
             return
         command = packets.COMMANDS.at(code)
         if command:

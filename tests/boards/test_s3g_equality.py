@@ -9,6 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from s3g_equality import FAST, Pair, Traffic, busy, requests, resets, say, start
 
+from pulsewright.boards.s3g import registers as s3g
+from pulsewright.boards.s3g.packets import frame
+
 CONFIGURATIONS = {
     "exact": FAST,
     "robust": FAST | {"profile": "robust", "channels": 6, "rx_timeout": 5000},
@@ -62,6 +65,20 @@ def assert_busy(seen, least):
 def test_gateware_matches_the_twin(scenario):
     both, traffic, end = scenario
     both.run(traffic, end)
+
+
+@pytest.mark.parametrize("name", ["exact", "robust"])
+@pytest.mark.parametrize("early", range(0, 20, 3))
+def test_gateware_matches_the_twin_when_a_reset_ends_within_a_byte(name, early):
+    both = pair(name)
+    traffic = Traffic(both)
+    ready = 26 + s3g.READY_CYCLES
+    traffic.low("cclk", 25, 1)
+    traffic.free = [0, 0]
+    for port in (0, 1):
+        payload = traffic.tag(0, b"")
+        traffic.send(port, frame(payload), ready - early + 1500 * port)
+    both.run(traffic, ready + 4000)
 
 
 @pytest.mark.parametrize("name", ["exact", "robust"])

@@ -403,6 +403,22 @@ def test_the_board_listens_1024_cycles_after_both_inputs_are_high():
     assert twin.state()["ready"]  # in cycle 1044
 
 
+@pytest.mark.parametrize(("early", "heard"), [(5, True), (6, False)])
+def test_a_start_bit_before_the_board_listens(early, heard):
+    """The synchroniser is in reset, and high, until cycle 1044: so the line is found low in 1046.
+
+    The start bit is checked in 1056, at the level that the pin has in 1054: it must last till then.
+    """
+    twin = S3GTwin(bus_pins=True, **FAST)
+    twin.schedule([0, 20], "cclk", [0, 1])
+    bits = [
+        bit for byte in bytes.fromhex(VERSION) for bit in (0, *(byte >> n & 1 for n in range(8)), 1)
+    ]
+    twin.schedule(1044 - early + BIT * np.arange(len(bits)), "avr_tx", bits)
+    twin.advance(5000)
+    assert (len(twin.receive(1)) > 0) == heard
+
+
 def test_bytes_wait_for_the_board_to_listen_and_for_the_line():
     """Ten bits of 434.03 cycles at 115 200 baud, rounded up for the next byte."""
     twin = S3GTwin()

@@ -152,9 +152,9 @@ def take_byte(port: Any, line: Any) -> int:
 
 @kernel
 def receiver_reset(port: Any, line: Any, cycle: int) -> None:
-    """Let the receiver wait for a start bit from ``cycle`` on."""
-    port.idle = cycle
-    while port.head < port.tail and line[port.head] >> 1 <= cycle - SYNCHRONISER:
+    """Let the receiver run from ``cycle`` on; its synchroniser is reset too and still high then."""
+    port.idle = cycle + SYNCHRONISER
+    while port.head < port.tail and line[port.head] >> 1 <= cycle:
         port.level = line[port.head] & 1
         port.head += 1
     find_byte(port, line)

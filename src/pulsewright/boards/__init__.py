@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final, Literal, overload
-from urllib.parse import parse_qsl, urlsplit
 
-from pulsewright.boards import pluto_step, rapcores, s3g, usc
+from pulsewright.boards import links, pluto_step, rapcores, s3g, usc
 from pulsewright.boards.board import Board
 from pulsewright.errors import UsageError
 
@@ -14,17 +13,9 @@ if TYPE_CHECKING:
     from pulsewright.boards.rapcores.driver import RapcoresDriver
     from pulsewright.boards.s3g.driver import S3GDriver
     from pulsewright.boards.usc.driver import UscDriver
-    from pulsewright.transport.bus import EppBus
-    from pulsewright.transport.serial_bus import SerialBus
-    from pulsewright.transport.spi_bus import SpiBus
 
 BOARDS: Final = {
     board.name: board for board in (pluto_step.BOARD, rapcores.BOARD, s3g.BOARD, usc.BOARD)
-}
-LINKS: Final = {
-    "twin:": "a new simulated board in this process",
-    "rtl:": "its gateware, simulated clock by clock; needs the extra 'build' and a C++ compiler",
-    "serial:PATH?baud=N": "a board at a serial port, such as serial:/dev/ttyUSB0?baud=500000",
 }
 
 
@@ -70,7 +61,7 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **opt
     name : str
         A key of `BOARDS`.
     link : str
-        One of `LINKS`. A simulated board is in its reset state; one at a port is as it is.
+        One of `links.links`. A simulated board is in its reset state; any other one is as it is.
     profile : str, optional
         How contradictions in the board's document are resolved; see the README of its room.
     **options : int
@@ -92,51 +83,6 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **opt
     board = get(name)
     profile = board.default_profile if profile is None else profile
     board.switches(profile, **options)
-    if link.startswith("serial:") and board.bus == "serial":
-        path, baud = _serial_port(board, link)
+    if baud := links.bit_rate(board, link):
         options = {"baud1": baud} | options
-        return board.driver(_open_port(board, path, baud), profile, **options)
-    return board.driver(_open_bus(board, link, profile, options), profile, **options)
-
-
-def _open_bus(
-    board: Board, link: str, profile: str, options: dict[str, int]
-) -> EppBus | SerialBus | SpiBus:
-    if link not in ("twin:", "rtl:"):
-        usable = "; ".join(f"'{url}' ({what})" for url, what in LINKS.items())
-        raise UsageError(
-            f"link '{link}' is not one that {board.name} can be opened at; usable are {usable}"
-        )
-    simulated = (board.twin if link == "twin:" else board.rtl)(profile, **options)
-    if board.bus == "serial":
-        from pulsewright.transport.serial_bus import VirtualSerialBus
-
-        return VirtualSerialBus(simulated)
-    if board.bus == "spi":
-        from pulsewright.transport.spi_bus import VirtualSpiBus
-
-        return VirtualSpiBus(simulated, listens=_constant(board, "RESET_CYCLES"))
-    from pulsewright.transport.virtual import VirtualEppBus
-
-    return VirtualEppBus(simulated)
-
-
-def _serial_port(board: Board, link: str) -> tuple[str, int]:
-    """Read ``serial:PATH?baud=N``; without a rate, it is that of the board's first port."""
-    url = urlsplit(link)
-    query = dict(parse_qsl(url.query, keep_blank_values=True))
-    baud = query.pop("baud", str(_constant(board, "BAUD1")))
-    if not url.path or query or not baud.isdecimal():
-        raise UsageError(f"link '{link}': expected serial:PATH?baud=N, with N in baud")
-    return url.path, int(baud)
-
-
-def _open_port(board: Board, path: str, baud: int) -> SerialBus:
-    from pulsewright.transport.serial_port import PortSerialBus
-
-    return PortSerialBus(path, baud, _constant(board, "CLOCK_HZ"))
-
-
-def _constant(board: Board, name: str) -> int:
-    constants = {constant.name: constant.value for constant in board.registers().constants}
-    return constants[name]
+    return board.driver(links.open_bus(board, link, profile, options), profile, **options)

@@ -8,6 +8,7 @@ from typing import Final
 import serial
 
 from pulsewright.errors import BusError, UsageError
+from pulsewright.transport.host_clock import HostClock
 from pulsewright.transport.serial_bus import SerialBus, check_read, check_time
 
 WRITE_TIMEOUT: Final = 5.0  # a port that takes nothing for so long is stuck [s]
@@ -43,7 +44,7 @@ class PortSerialBus(SerialBus):
                 f"is in, the path is right, no other program has the port, and you may use it "
                 f"(on Debian: group dialout)"
             ) from error
-        self._opened = time.monotonic()
+        self._clock = HostClock(clock_hz)
 
     def write(self, data: bytes) -> None:
         """Send bytes, behind those that are still to be sent; see `SerialBus.write`."""
@@ -72,7 +73,7 @@ class PortSerialBus(SerialBus):
 
     def now(self) -> int:
         """Return the time since the port was opened, by the clock of the host [board cycle]."""
-        return int((time.monotonic() - self._opened) * self.clock_hz)
+        return self._clock.now()
 
     def reset_input(self) -> None:
         """Forget the bytes that were received up to now and not read."""

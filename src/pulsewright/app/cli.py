@@ -318,6 +318,14 @@ def bench(
         print(bench_module.text(results))
 
 
+@app.command()
+def doctor(as_json: Json = False) -> None:
+    """Tell what is installed, which links and tools are usable, and what to do about the rest."""
+    from pulsewright.app import doctor as doctor_module
+
+    _show(doctor_module.examine(), as_json)
+
+
 def main() -> None:
     """Run the command line; errors become one line and an exit code.
 

@@ -61,6 +61,9 @@ def run(
         Path | None, typer.Option(metavar="DIR", help="Where reports go; default out/<program>.")
     ] = None,
     vcd: Annotated[bool, typer.Option("--vcd", help="Write trace.vcd too, for GTKWave.")] = False,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep all that goes over the link.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Interpret, plan, convert, run and verify a program; exit 0 only if every check passes."""
@@ -76,6 +79,7 @@ def run(
             link=link,
             out=out,
             vcd=vcd,
+            record=record,
             progress=report_progress,
         )
     _judge(result, as_json)
@@ -316,6 +320,36 @@ def bench(
         _print_json(results)
     else:
         print(bench_module.text(results))
+
+
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording of a link.")],
+    engine: Annotated[str, typer.Option(help="twin or rtl.")] = "twin",
+    edges: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write all pin changes (.npz).")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Do a recorded session again on a simulated board; exit 0 only if its answers are equal."""
+    from pulsewright.app import replay as replay_module
+    from pulsewright.app.progress import progress
+
+    with progress() as report_progress:
+        result = replay_module.replay(file, engine=engine, edges=edges, progress=report_progress)
+    _judge(result, as_json)
+
+
+@app.command()
+def diff(
+    first: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or trace (.npz).")],
+    second: Annotated[Path, typer.Argument(metavar="FILE", help="Another one of the kind.")],
+    as_json: Json = False,
+) -> None:
+    """Say where two recordings of links, or two traces of pins, first differ; exit 0 if nowhere."""
+    from pulsewright.app import replay as replay_module
+
+    _judge(replay_module.diff(first, second), as_json)
 
 
 @app.command()

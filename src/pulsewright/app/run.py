@@ -139,6 +139,7 @@ class Job:
         link: str | None = None,
         out: Path | str | None = None,
         vcd: bool = False,
+        record: Path | str | None = None,
         progress: Progress = silent,
     ) -> Result:
         """Run on a board and verify the step edges; write reports to ``out`` unless None.
@@ -151,6 +152,8 @@ class Job:
             Folder for report.json, report.html, path.png and trace.npz; made if missing.
         vcd : bool
             Write trace.vcd too.
+        record : Path or str, optional
+            File that keeps all that goes over the link, for `pulsewright replay`.
 
         Raises
         ------
@@ -169,6 +172,7 @@ class Job:
             name,
             link or machine.link.url,
             profile=profile or (settings.profile if own else None),
+            record=record,
             **room.parameters_for(machine.motors) | _switches(machine if own else None),
         )
         matrix = machine.motor_matrix()
@@ -390,6 +394,7 @@ def run_file(
     link: str | None = None,
     out: Path | None = None,
     vcd: bool = False,
+    record: Path | None = None,
     progress: Progress = silent,
 ) -> Result:
     """Do the main job as the command line does: reports go to out/<program> unless told."""
@@ -400,6 +405,7 @@ def run_file(
         link=link,
         out=out if out is not None else Path("out") / path.stem,
         vcd=vcd,
+        record=record,
         progress=progress,
     )
 

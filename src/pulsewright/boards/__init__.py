@@ -9,6 +9,8 @@ from pulsewright.boards.board import Board
 from pulsewright.errors import UsageError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
     from pulsewright.boards.rapcores.driver import RapcoresDriver
     from pulsewright.boards.s3g.driver import S3GDriver
@@ -35,25 +37,59 @@ def get(name: str) -> Board:
 
 @overload
 def open_board(
-    name: Literal["pluto_step"], link: str = ..., profile: str | None = ..., **options: int
+    name: Literal["pluto_step"],
+    link: str = ...,
+    profile: str | None = ...,
+    *,
+    record: Path | str | None = ...,
+    **options: int,
 ) -> PlutoStepDriver: ...
 @overload
 def open_board(
-    name: Literal["rapcores"], link: str = ..., profile: str | None = ..., **options: int
+    name: Literal["rapcores"],
+    link: str = ...,
+    profile: str | None = ...,
+    *,
+    record: Path | str | None = ...,
+    **options: int,
 ) -> RapcoresDriver: ...
 @overload
 def open_board(
-    name: Literal["s3g"], link: str = ..., profile: str | None = ..., **options: int
+    name: Literal["s3g"],
+    link: str = ...,
+    profile: str | None = ...,
+    *,
+    record: Path | str | None = ...,
+    **options: int,
 ) -> S3GDriver: ...
 @overload
 def open_board(
-    name: Literal["usc"], link: str = ..., profile: str | None = ..., **options: int
+    name: Literal["usc"],
+    link: str = ...,
+    profile: str | None = ...,
+    *,
+    record: Path | str | None = ...,
+    **options: int,
 ) -> UscDriver: ...
 @overload
-def open_board(name: str, link: str = ..., profile: str | None = ..., **options: int) -> Any: ...
+def open_board(
+    name: str,
+    link: str = ...,
+    profile: str | None = ...,
+    *,
+    record: Path | str | None = ...,
+    **options: int,
+) -> Any: ...
 
 
-def open_board(name: str, link: str = "twin:", profile: str | None = None, **options: int) -> Any:
+def open_board(
+    name: str,
+    link: str = "twin:",
+    profile: str | None = None,
+    *,
+    record: Path | str | None = None,
+    **options: int,
+) -> Any:
     """Open a board behind a link and return its driver. Nothing is sent to the board yet.
 
     Parameters
@@ -64,13 +100,15 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **opt
         One of `links.links`. A simulated board is in its reset state; any other one is as it is.
     profile : str, optional
         How contradictions in the board's document are resolved; see the README of its room.
+    record : Path or str, optional
+        File that keeps all that goes over the link, for `pulsewright replay`.
     **options : int
         Profile switches that differ from the profile, and parameters that the room knows: channels.
 
     Raises
     ------
     UsageError
-        If the board, link, profile or a switch is unknown.
+        If the board, link, profile or a switch is unknown, or ``record`` cannot be written.
 
     Examples
     --------
@@ -85,4 +123,10 @@ def open_board(name: str, link: str = "twin:", profile: str | None = None, **opt
     board.switches(profile, **options)
     if baud := links.bit_rate(board, link):
         options = {"baud1": baud} | options
-    return board.driver(links.open_bus(board, link, profile, options), profile, **options)
+    bus: Any = links.open_bus(board, link, profile, options)
+    if record is not None:
+        from pulsewright.transport.recording import Recorder, recorded
+
+        opened = {"board": name, "profile": profile, "options": options, "link": link}
+        bus = recorded(board.bus, bus, Recorder(record, opened | {"clock_hz": bus.clock_hz}))
+    return board.driver(bus, profile, **options)

@@ -156,9 +156,12 @@ class CompactCore(DocumentCore):
         register(self._control, reg.W_CONTROL, word)
         register(self._step_polarity, reg.W_STEP_POLARITY, word)
         register(self._dir_polarity, reg.W_DIR_POLARITY, word)
-        time = word[:TIMER_BITS]
+        one = Signal()
+        m.d.comb += one.eq(word[1:TIMER_BITS] == 0)
+        time = Cat(word[0] | one, word[1:TIMER_BITS])
         for name, place in TIMES.items():
-            register(self._times[name], place, time - time.any(), reg.W_STEP_WIDTH_RESET - 1)
+            register(getattr(self._deadlines, name), place, time, reg.W_STEP_WIDTH_RESET)
+            register(self._one[name], place, one)
 
     def _encoder_blocks(self, m: Module) -> None:
         """Add the inputs of encoders."""

@@ -15,7 +15,7 @@ from amaranth.lib.wiring import Component, In, Out
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.gateware_encoder import Encoder
 from pulsewright.boards.rapcores.gateware_motion import Dda, Sequencer, TickDivider
-from pulsewright.boards.rapcores.gateware_pulse import TIMER_BITS, PulseFormer
+from pulsewright.boards.rapcores.gateware_pulse import TIMER_BITS, Deadlines, PulseFormer
 from pulsewright.gateware.spi import SpiWordPort
 
 COUNT_BITS: Final = 32
@@ -115,7 +115,8 @@ class DocumentCore(Component):
         self._ready = Signal()  # for the next tick
         # Configuration, as it is used.
         self._divider, self._control = Signal(8), Signal()
-        self._times = {name: Signal(TIMER_BITS, name=f"{name}_less_1") for name in TIMES}
+        m.submodules.deadlines = self._deadlines = Deadlines()
+        self._one = {name: Signal(name=f"{name}_one") for name in TIMES}  # that time is one cycle
         self._step_polarity, self._dir_polarity = Signal(self._motors), Signal(self._motors)
         self._motion(m)
         self._ticks(m)
@@ -160,7 +161,10 @@ class DocumentCore(Component):
         ]
         for name, address in TIMES.items():
             value = register(address, TIMER_BITS, reg.W_STEP_WIDTH_RESET)
-            m.d.comb += self._times[name].eq(Mux(value == 0, 0, value - 1))
+            m.d.comb += [
+                self._one[name].eq(value[1:] == 0),
+                getattr(self._deadlines, name).eq(Mux(value == 0, 1, value)),
+            ]
 
     def _ticks(self, m: Module) -> None:
         """Add the tick divider."""
@@ -248,11 +252,16 @@ class DocumentCore(Component):
 
     def _motors_blocks(self, m: Module) -> None:
         """Add pulse formers, and what they lose."""
+        deadlines = self._deadlines
         for n, former in enumerate(self._formers):
             m.submodules[f"pulse{n}"] = former
+            for name in TIMES:
+                end, one = f"{name}_end", f"{name}_one"
+                m.d.comb += getattr(former, end).eq(getattr(deadlines, end))
+                m.d.comb += getattr(former, one).eq(self._one[name])
             m.d.comb += [
                 former.halted.eq(self._halted),
-                *(getattr(former, name).eq(value) for name, value in self._times.items()),
+                former.now.eq(deadlines.now),
                 self.step[n].eq(former.step ^ self._step_polarity[n]),
                 self.dir[n].eq(former.dir ^ self._dir_polarity[n]),
             ]

@@ -47,8 +47,12 @@ class Rapcores(Component):
         Of encoder positions, 32, or 24 in profile ``v020``.
     shared_dda : int
         1, in profile ``document``: one adder for the DDAs of all motors, at a fraction of the
-        logic. Every clock is the same for dividers of `min_divider` and more; with smaller ones a
-        tick waits until it is worked out. 0: each motor has arithmetic of its own.
+        logic. 0: each motor has arithmetic of its own. Pins are the same at every clock, and so is
+        what is read, but for this: with a divider below `min_divider` a tick waits until it is
+        worked out; a move of duration 0 right before a tick can let it wait, too. Telemetry of
+        encoder n is as it was up to 3n cycles and a few after the start of the move. Ticks left
+        (0xE1) are up to 4 cycles old. A velocity that is read within 3 cycles after a count may be
+        the one before.
     **switches : int
         Profile switches that differ from the profile.
 

@@ -211,7 +211,13 @@ class CompactCore(DocumentCore):
             m.d.comb += [shown.eq(value[:8]), invert.eq(value[32])]
         m.d.comb += spi.reply.eq(shown ^ invert.replicate(8))
 
-        m.d.comb += registers.block.eq(spi.soon | spi.byte_strobe | spi.strobe)
+        self._fetch = Signal()  # a header would be one that reads memory
+        m.d.comb += [
+            registers.block.eq(spi.soon | spi.byte_strobe | spi.strobe),
+            registers.choose.eq(spi.strobe),
+            registers.read.eq(spi.strobe & self._idle & self._fetch),
+        ]
+        self._places(m, spi.received, spi.word[8:16])
         # Telemetry: at the start of a move, or at the header of a message without one.
         self._bank, self._newest = Signal(), Signal()  # of the open message, and the last one
         self._copy = Signal()
@@ -246,11 +252,27 @@ class CompactCore(DocumentCore):
             )
 
     def _reply_status(self, m: Module, address: Value) -> None:
-        registers = self._registers
-        relative = address - reg.R_ENCODER_POSITION[0]
-        block, index = relative[6:8], relative[:6]
-        place = Signal(ADDRESS_BITS)
-        m.d.comb += [place.eq(ZERO), registers.read_address.eq(place)]
+        block, _ = _relative(address)
+        with m.If((block == 2) & ~address[6:].all()):
+            m.d.sync += self._short_reply.eq(1)
+        m.d.sync += self._extend.eq(~((block == 2) & ~address[6:].all()) & ~address[5:].all())
+        with m.Switch(address):
+            for flags, value in self._flags().items():
+                with m.Case(flags):
+                    m.d.sync += [self._reply.eq(value), self._extend.eq(0)]
+            with m.Default():
+                m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+
+    def _reply_configuration(self, m: Module, address: Value) -> None:
+        with m.Switch(address), m.Case(*(place for place, _ in STORED)):
+            m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+
+    def _places(self, m: Module, header: Value, address: Value) -> None:
+        """Find out where in memory a register is, a cycle before its header is complete."""
+        block, index = _relative(address)
+        short = Cat(address[:3], address[7])
+        place, fetch = Signal(ADDRESS_BITS, init=ZERO), Signal()
+        m.d.sync += [self._registers.read_address.eq(place), self._fetch.eq(fetch)]
         with m.If(address[6:].all()):
             m.d.comb += place.eq(Cat(address[:6], Const(Block.COUNTS, 3)))
         with m.Elif(block == 0):
@@ -259,35 +281,30 @@ class CompactCore(DocumentCore):
             m.d.comb += place.eq(Cat(index, Const(Block.VELOCITY, 3)))
         with m.Elif((block == 2) & ~index[5]):
             m.d.comb += place.eq(Cat(index, Const(Block.COUNTS, 3)))
-            m.d.sync += self._short_reply.eq(1)
         with m.Switch(address):
             for constant in self._constants():
                 with m.Case(constant):
                     m.d.comb += place.eq(memory_address(Block.FIXED, _fixed(constant)))
-        m.d.sync += self._extend.eq(~((block == 2) & ~address[6:].all()) & ~address[5:].all())
-        with m.Switch(address):
-            for flags, value in self._flags().items():
-                with m.Case(flags):
-                    m.d.sync += [self._reply.eq(value), self._extend.eq(0)]
-            with m.Default():
-                m.d.comb += registers.read.eq(1)
-                m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+        with m.If(header[1]):
+            m.d.comb += place.eq(
+                Cat(
+                    *(short, Const(CONFIGURATION >> 4, 2)),
+                    Mux(self._written.bit_select(short, 1), Block.FIXED, Block.INITIAL),
+                )
+            )
+        stored = Cat(address == n for n, _ in STORED).any()
+        flags = Cat(address == n for n in self._flags()).any()
+        with m.Switch(header):
+            with m.Case(reg.HEADER_STATUS_READ):
+                m.d.comb += fetch.eq(~flags)
+            with m.Case(reg.HEADER_CONFIG_SWAP, reg.HEADER_CONFIG_READ):
+                m.d.comb += fetch.eq(stored)
 
-    def _reply_configuration(self, m: Module, address: Value) -> None:
-        registers = self._registers
-        short = Cat(address[:3], address[7])
-        m.d.comb += registers.read_address.eq(ZERO)
-        with m.Switch(address), m.Case(*(place for place, _ in STORED)):
-            m.d.comb += [
-                registers.read.eq(1),
-                registers.read_address.eq(
-                    Cat(
-                        *(short, Const(CONFIGURATION >> 4, 2)),
-                        Mux(self._written.bit_select(short, 1), Block.FIXED, Block.INITIAL),
-                    )
-                ),
-            ]
-            m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+
+def _relative(address: Value) -> tuple[Value, Value]:
+    """Return which block of 64 a status register is in, from encoder positions on, and where."""
+    relative = address - reg.R_ENCODER_POSITION[0]
+    return relative[6:8], relative[:6]
 
 
 def _fixed(place: int) -> int:

@@ -101,6 +101,7 @@ class DocumentCore(Component):
         self._channel_info = reg.R_CHANNEL_INFO_RESET & ~0xFFFF | self._encoders << 8 | self._motors
         self._halted, self._halt_seen = Signal(), Signal()
         self._accept = Signal()
+        self._idle = Signal()  # the next word is a header
         self._write = Signal()  # configuration, at the end of this cycle
         self._address = Signal(8)
         self._events = {name: Signal(name=name) for name in COUNTERS}
@@ -283,6 +284,7 @@ class DocumentCore(Component):
         m.d.comb += [
             *(getattr(spi, name).eq(getattr(self, name)) for name in ("cs", "sck", "copi")),
             *(getattr(self, name).eq(getattr(spi, name)) for name in ("cipo", "cipo_oe")),
+            self._idle.eq(message == Message.IDLE),
             self._write.eq(spi.strobe & (message == Message.SWAP)),
             self._events["completed"].eq(sequencer.finish),
             self._events["framing"].eq(spi.ended & spi.partial),

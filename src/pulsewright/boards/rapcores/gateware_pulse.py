@@ -37,7 +37,9 @@ class Deadlines(Component):
         now = Signal(TIMER_BITS + 1)
         m.d.comb += self.now.eq(now + 1)
         m.d.sync += now.eq(self.now)
-        m.d.comb += [getattr(self, f"{name}_end").eq(~(now + getattr(self, name))) for name in TIMES]
+        m.d.comb += [
+            getattr(self, f"{name}_end").eq(~(now + getattr(self, name))) for name in TIMES
+        ]
         return m
 
 

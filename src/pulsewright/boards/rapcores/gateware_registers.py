@@ -91,9 +91,10 @@ class CountingRegisters(Component):
     event : In(len(events)), zero : In(1)
         Count events; set all counters to 0, or to 1 with an event.
     block : In(1)
-        A read comes within three cycles.
-    read : In(1), read_address : In(9)
-        Not with ``block``.
+        A read comes within three cycles, or now.
+    choose : In(1), read : In(1), read_address : In(9)
+        Read a register. ``choose`` is there with ``read``, and not without ``block``; it is apart
+        from it as it comes sooner.
     value : Out(32), inverted : Out(1)
         In the cycle after ``read``: its register. If ``inverted``, the complement is meant.
     write : In(1), write_address : In(9), write_data : In(32)
@@ -130,6 +131,7 @@ class CountingRegisters(Component):
                 "event": In(len(events)),
                 "zero": In(1),
                 "block": In(1),
+                "choose": In(1),
                 "read": In(1),
                 "read_address": In(ADDRESS_BITS),
                 "value": Out(WORD_BITS),
@@ -157,7 +159,7 @@ class CountingRegisters(Component):
         kind, index = Signal(2), Signal(INDEX_BITS)
         self._scan(m, start & ~self.read, kind, index)
         position_first = Signal(init=1)  # unless a read wants the velocity
-        with m.If(self.read):
+        with m.If(self.choose):
             m.d.comb += index.eq(self.read_address)
             with m.Switch(self.read_address[INDEX_BITS:]):
                 with m.Case(Block.POSITION):
@@ -325,24 +327,24 @@ class CountingRegisters(Component):
                 ]
             count, up = self.count[n], self.up[n]
             my_delta, my_counted, my_often, my_gap, my_time, my_falling = mine
-            since = Mux(turn, 0, my_time)  # cycles from the last count or turn
             before = my_counted & ~turn
             change = Cat(count, (count & ~up).replicate(bits))
             m.d.sync += [
-                my_delta.eq(Mux(turn, 0, my_delta) + change),
+                my_delta.eq(Mux(turn, change.as_signed(), my_delta + change.as_signed())),
                 my_counted.eq(count | before),
                 my_often.eq(Mux(count, before, my_often & ~turn)),
-                my_time.eq(Mux(count, 0, since + 1)),
+                # cycles from the last count or turn
+                my_time.eq(Mux(count, 0, Mux(turn, 1, my_time + 1))),
             ]
             with m.If(count):
-                m.d.sync += [my_gap.eq(since), my_falling.eq(~up)]
+                m.d.sync += [my_gap.eq(Mux(turn, 0, my_time)), my_falling.eq(~up)]
         steps, owed = Signal(STEP_BITS), Signal(OWED_BITS)
         for n in range(self._motors):
             mine_now = (kind == Kind.MOTOR) & (index == n)
             turn = start & mine_now
             my_steps = Signal(STEP_BITS, name=f"steps{n}")
             change = Cat(self.moved[n], (self.moved[n] & self.down[n]).replicate(STEP_BITS - 1))
-            m.d.sync += my_steps.eq(Mux(turn, 0, my_steps) + change)
+            m.d.sync += my_steps.eq(Mux(turn, change, my_steps + change))
             m.d.comb += self.taken[n].eq(turn & self.take[n])
             with m.If(mine_now):
                 m.d.comb += steps.eq(my_steps)
@@ -355,7 +357,7 @@ class CountingRegisters(Component):
             turn = start & mine_now
             events, zeroed = Signal(STEP_BITS, name=f"events{n}"), Signal(name=f"zeroed{n}")
             m.d.sync += [
-                events.eq(Mux(turn | self.zero, 0, events) + self.event[n]),
+                events.eq(Mux(turn | self.zero, self.event[n], events + self.event[n])),
                 zeroed.eq(self.zero | (zeroed & ~turn)),
             ]
             with m.If(mine_now):

@@ -113,6 +113,16 @@ def test_telemetry_of_the_start_of_a_move_with_shared_arithmetic():
     assert host.status(0x04) == 0
 
 
+def test_moves_that_end_one_after_the_other_are_all_counted():
+    host = Host(shared_dda=1, motors=1, encoders=1, depth=16)
+    host.send(MOVE, 1300, 0, 0)
+    for _ in range(15):
+        host.send(MOVE, 0, 0, 0)
+    host.run(host.free + 10_000)
+    assert len(host.edges("move_done")) == 16
+    assert host.status(0xE2) == 16
+
+
 def test_a_reset_clears_what_is_in_memory():
     host = Host(shared_dda=1)
     host.write(0xC0, 7)

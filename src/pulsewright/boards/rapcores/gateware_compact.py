@@ -83,6 +83,7 @@ class CompactCore(DocumentCore):
             motors=self._motors,
             copied=min(self._encoders, self._motors),
             events=tuple(place - COUNTS_BASE for place in COUNTERS.values()),
+            burst=self._depth,  # moves without ticks end one after the other
             contents=self._contents(),
         )
         m.d.comb += [registers.clear.eq(self.clear), registers.clear_address.eq(self.clear_address)]

@@ -73,6 +73,8 @@ class CountingRegisters(Component):
         Encoders that a copy takes, not more than there are.
     events : sequence of int
         Where event counters are in block `Block.COUNTS`: from 0x20 on.
+    burst : int
+        How often the first event can come in cycles that follow each other.
     contents : mapping of int to int
         What else is in memory after configuration, by address.
 
@@ -112,10 +114,12 @@ class CountingRegisters(Component):
         motors: int,
         copied: int,
         events: tuple[int, ...],
+        burst: int,
         contents: dict[int, int],
     ) -> None:
         self._encoders, self._motors, self._copied = encoders, motors, copied
         self._events, self._contents = events, contents
+        self._event_bits = max(STEP_BITS, burst.bit_length() + 1)  # of the first event
         self._copy_bits = max(copied - 1, 1).bit_length()
         super().__init__(
             {
@@ -355,7 +359,8 @@ class CountingRegisters(Component):
         for n, place in enumerate(self._events):
             mine_now = (kind == Kind.EVENT) & (index == place)
             turn = start & mine_now
-            events, zeroed = Signal(STEP_BITS, name=f"events{n}"), Signal(name=f"zeroed{n}")
+            bits = STEP_BITS if n else self._event_bits
+            events, zeroed = Signal(bits, name=f"events{n}"), Signal(name=f"zeroed{n}")
             m.d.sync += [
                 events.eq(Mux(turn | self.zero, self.event[n], events + self.event[n])),
                 zeroed.eq(self.zero | (zeroed & ~turn)),

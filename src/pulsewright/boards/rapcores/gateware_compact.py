@@ -13,6 +13,7 @@ from pulsewright.boards.rapcores.gateware_encoder import EncoderInputs
 from pulsewright.boards.rapcores.gateware_pulse import TIMER_BITS
 from pulsewright.boards.rapcores.gateware_registers import (
     ADDRESS_BITS,
+    INDEX_BITS,
     ZERO,
     Block,
     CountingRegisters,
@@ -21,13 +22,17 @@ from pulsewright.boards.rapcores.gateware_registers import (
 from pulsewright.boards.rapcores.gateware_shared import SharedDda
 
 COUNTS_BASE: Final = reg.R_STEP_POSITION[0]
-CONFIGURATION: Final = 32  # index of the first configuration register in its blocks
+CONFIGURATION: Final = 0x30  # from here on in block COUNTS; status registers here are constants
 # Configuration registers that are stored, and bits of each; None: one per motor.
 STORED: Final = (
     *((reg.W_ENABLE, 32), (reg.W_BRAKE, 32), (reg.W_DIVIDER, 32)),
     *((place, TIMER_BITS) for place in TIMES.values()),
     (reg.W_CONTROL, 1),
     *((reg.W_STEP_POLARITY, None), (reg.W_DIR_POLARITY, None)),
+)
+# Those that are not 0 after a reset.
+DEFAULTS: Final = {reg.W_DIVIDER: reg.W_DIVIDER_RESET} | dict.fromkeys(
+    TIMES.values(), reg.W_STEP_WIDTH_RESET
 )
 
 
@@ -84,7 +89,14 @@ class CompactCore(DocumentCore):
             copied=min(self._encoders, self._motors),
             events=tuple(place - COUNTS_BASE for place in COUNTERS.values()),
             burst=self._depth,  # moves without ticks end one after the other
-            contents=self._contents(),
+            contents={
+                memory_address(Block.FIXED, _fixed(place)): value
+                for place, value in self._constants().items()
+            },
+            defaults={
+                memory_address(Block.COUNTS, CONFIGURATION + place % 8 + 8 * (place < 0x80)): value
+                for place, value in DEFAULTS.items()
+            },
         )
         m.d.comb += [registers.clear.eq(self.clear), registers.clear_address.eq(self.clear_address)]
         for n, former in enumerate(self._formers):
@@ -106,27 +118,9 @@ class CompactCore(DocumentCore):
             with m.Elif(registers.taken[n]):
                 m.d.sync += take.eq(0)
 
-    def _contents(self) -> dict[int, int]:
-        """Return what is in memory after configuration."""
-        found = {
-            memory_address(Block.FIXED, _fixed(place)): value
-            for place, value in self._constants().items()
-        }
-        for place, _ in STORED:
-            reset = {reg.W_DIVIDER: reg.W_DIVIDER_RESET}.get(place, 0)
-            if place in TIMES.values():
-                reset = reg.W_STEP_WIDTH_RESET
-            found[memory_address(Block.INITIAL, CONFIGURATION | _short(place))] = reset
-        return found
-
     def _configuration(self, m: Module) -> None:
-        """Add what configuration does; what is read is in memory.
-
-        A register that was not written since the reset is read from a place that is never written.
-        """
+        """Add what configuration does; what is read is in memory."""
         word, registers, motors = self._spi.word, self._registers, self._motors
-        short = Cat(self._address[:3], self._address[7])
-        self._written = Signal(1 << len(short))
         bits = Signal(32)  # that are stored
         known = Signal()
         with m.Switch(self._address):
@@ -136,13 +130,9 @@ class CompactCore(DocumentCore):
                     m.d.comb += [bits.eq((1 << size) - 1), known.eq(1)]
         write = Signal()
         m.d.sync += write.eq(self._write & known)
-        with m.If(write):
-            m.d.sync += self._written.bit_select(short, 1).eq(1)
         m.d.comb += [
             registers.write.eq(write),
-            registers.write_address.eq(
-                Cat(short, Const(CONFIGURATION >> 4, 2), Const(Block.FIXED, 3))
-            ),
+            registers.write_address.eq(_configuration_place(self._address)),
             registers.write_data.eq(word & bits),
         ]
 
@@ -271,10 +261,11 @@ class CompactCore(DocumentCore):
     def _places(self, m: Module, header: Value, address: Value) -> None:
         """Find out where in memory a register is, a cycle before its header is complete."""
         block, index = _relative(address)
-        short = Cat(address[:3], address[7])
         place, fetch = Signal(ADDRESS_BITS, init=ZERO), Signal()
         m.d.sync += [self._registers.read_address.eq(place), self._fetch.eq(fetch)]
-        with m.If(address[6:].all()):
+        with m.If(address[4:].all()):
+            pass
+        with m.Elif(address[6:].all()):
             m.d.comb += place.eq(Cat(address[:6], Const(Block.COUNTS, 3)))
         with m.Elif(block == 0):
             m.d.comb += place.eq(Cat(index, Const(Block.POSITION, 3)))
@@ -287,12 +278,7 @@ class CompactCore(DocumentCore):
                 with m.Case(constant):
                     m.d.comb += place.eq(memory_address(Block.FIXED, _fixed(constant)))
         with m.If(header[1]):
-            m.d.comb += place.eq(
-                Cat(
-                    *(short, Const(CONFIGURATION >> 4, 2)),
-                    Mux(self._written.bit_select(short, 1), Block.FIXED, Block.INITIAL),
-                )
-            )
+            m.d.comb += place.eq(_configuration_place(address))
         stored = Cat(address == n for n, _ in STORED).any()
         flags = Cat(address == n for n in self._flags()).any()
         with m.Switch(header):
@@ -308,11 +294,14 @@ def _relative(address: Value) -> tuple[Value, Value]:
     return relative[6:8], relative[:6]
 
 
+def _configuration_place(address: Value) -> Value:
+    """Return where in memory a configuration register is."""
+    return Cat(
+        *(address[:3], ~address[7], Const(CONFIGURATION >> 4, 2)),
+        Const(Block.COUNTS, ADDRESS_BITS - INDEX_BITS),
+    )
+
+
 def _fixed(place: int) -> int:
     """Return the index of a constant status register in block FIXED; 2 is for 0."""
     return {reg.R_VERSION: 0, reg.R_CHANNEL_INFO: 1, reg.R_BUILD_PARAMETERS: 4}.get(place, 5)
-
-
-def _short(place: int) -> int:
-    """Return the lower bits of the place of a configuration register."""
-    return (place & 7) | (place >> 7 << 3)

@@ -31,9 +31,8 @@ class Block(IntEnum):
     SINCE = 0
     VELOCITY = 1
     POSITION = 2
-    COUNTS = 3  # step positions from 0 on, event counters
-    FIXED = 4  # what only the host changes, if anything
-    INITIAL = 5
+    COUNTS = 3  # step positions from 0 on, event counters, registers that the host writes
+    FIXED = 4  # constants
 
 
 class Kind(IntEnum):
@@ -76,7 +75,9 @@ class CountingRegisters(Component):
     burst : int
         How often the first event can come in cycles that follow each other.
     contents : mapping of int to int
-        What else is in memory after configuration, by address.
+        Constants in block `Block.FIXED`, by address.
+    defaults : mapping of int to int
+        What registers in other blocks are after a reset, by address, if not 0.
 
     Members
     -------
@@ -100,7 +101,7 @@ class CountingRegisters(Component):
     value : Out(32), inverted : Out(1)
         In the cycle after ``read``: its register. If ``inverted``, the complement is meant.
     write : In(1), write_address : In(9), write_data : In(32)
-        Write a register of `Block.FIXED`, in the cycle after one in which a read could have been.
+        Write a register, in the cycle after one in which a read could have been.
     copy : In(1), copy_bank : In(1)
         Copy position and velocity of encoders, as they are in the next cycles, one after the other.
     copy_address : In(7), copied_value : Out(33)
@@ -116,9 +117,10 @@ class CountingRegisters(Component):
         events: tuple[int, ...],
         burst: int,
         contents: dict[int, int],
+        defaults: dict[int, int],
     ) -> None:
         self._encoders, self._motors, self._copied = encoders, motors, copied
-        self._events, self._contents = events, contents
+        self._events, self._contents, self._defaults = events, contents, defaults
         self._event_bits = max(STEP_BITS, burst.bit_length() + 1)  # of the first event
         self._copy_bits = max(copied - 1, 1).bit_length()
         super().__init__(
@@ -285,6 +287,10 @@ class CountingRegisters(Component):
             m.d.comb += [written.addr.eq(self.write_address), written.data.eq(self.write_data)]
         with m.If(self.clear):
             m.d.comb += written.addr.eq(self.clear_address)
+            with m.Switch(self.clear_address):
+                for address, value in self._defaults.items():
+                    with m.Case(address):
+                        m.d.comb += operand.eq(value)
 
         self._copies(m, written.data, kept_index, job)
         return m

@@ -77,7 +77,7 @@ COMPARED_FAULTS = {
         DOCUMENT, "sequencer.arm.eq(self._accept & ~self._halted)", "sequencer.arm.eq(1)",
     ),
     "a halt is forgotten": (DOCUMENT, "& ~self._halt_seen", ""),
-    "times of 0 are long": (DOCUMENT, "Mux(value == 0, 0, value - 1)", "value - 1"),
+    "times of 0 are long": (DOCUMENT, "value[1:] == 0", "value == 1"),
     "telemetry is live": (
         DOCUMENT, "update = ~self._sequencer.run | self._sequencer.load", "update = Const(1)",
     ),
@@ -85,7 +85,7 @@ COMPARED_FAULTS = {
         DOCUMENT, "        if self._cs_reset_message:", "        if False:",
     ),
     "a pulse as long as the time behind it": (
-        PULSE, "pulse_timer.eq(self.width)", "pulse_timer.eq(self.low)",
+        PULSE, "self.low_end, self.width_end", "self.low_end, self.low_end",
     ),
     "no hold time": (PULSE, "(setting_up | dir_ended)", "1"),
     "no setup time": (PULSE, "(~setting_up | dir_ended)", "1"),

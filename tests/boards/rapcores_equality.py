@@ -47,9 +47,6 @@ class Pair:
     def run(self, traffic):
         """Run both from configuration to the end of the traffic; assert that all pins agree.
 
-        With shared arithmetic, telemetry of an encoder that turns may be some cycles younger, so
-        ``cipo`` is then not compared in frames with a move.
-
         Returns
         -------
         Counter
@@ -76,8 +73,6 @@ class Pair:
             before = {name: now[name] for name in before}
         self.rtl.advance(traffic.at)
         trace, other = twin.drain(), self.rtl.drain()
-        if self.least_divider and traffic.turning:
-            trace, other = (without_telemetry(part, traffic.moves) for part in (trace, other))
         difference = trace.first_difference(of_pins(other, trace.pins))
         assert difference is None, f"twin and gateware: {difference}"
         for pin in trace.pins:
@@ -92,15 +87,6 @@ def of_pins(trace, pins):
     places = [trace.pins.index(pin) for pin in pins]
     cycles = tuple(trace.cycles[n] for n in places)
     return replace(trace, pins=pins, initial=trace.initial[places], cycles=cycles)
-
-
-def without_telemetry(trace, frames):
-    """Return a trace without the changes of ``cipo`` in some frames: (start, end) in order."""
-    place = trace.pins.index("cipo")
-    cycles, (starts, ends) = trace["cipo"], np.array([(0, 0), *frames]).T
-    kept = cycles >= ends[np.searchsorted(starts, cycles, "right") - 1]
-    edges = *trace.cycles[:place], cycles[kept], *trace.cycles[place + 1 :]
-    return replace(trace, cycles=edges)
 
 
 # -------------------------------------------------------------------------------- what goes to pins
@@ -121,16 +107,11 @@ class Traffic:
         As the host has set it.
     halted : bool
         There may have been a halt that the host has not cleared.
-    turning : bool
-        Encoders turn.
-    moves : list of (int, int)
-        First cycle, and first one without CIPO, of frames with a move.
     """
 
     def __init__(self, pair):
         self.pair, self.at, self.divider = pair, READY, reg.W_DIVIDER_RESET
-        self.halted = self.turning = False
-        self.moves = []
+        self.halted = False
         self._pins = input_pins(pair.encoders)
         self._changes = [np.zeros((0, 3), np.int64)]
 
@@ -394,7 +375,6 @@ def spared(pair, words):
 
 def turn(random, traffic):
     """Let all encoders turn to and fro up to the end, and sometimes change both lines at once."""
-    traffic.turning = traffic.pair.encoders > 0
     for e in range(traffic.pair.encoders):
         numpy = np.random.default_rng(random.getrandbits(32))
         # phases, each with a pace of its own
@@ -444,8 +424,4 @@ def talk(random, traffic, flaws):
     if not spare and random.randrange(4) == 0:
         words += [word for _ in range(2) for word in message(random, traffic)]
         spare = traffic.pair.least_divider > 0  # there may be a divider among them
-    start = traffic.at
-    flawed = bool(words) and send(random, traffic, words, 0 if spare else flaws)
-    if any(word >> traffic.pair.word_bits - 8 == reg.HEADER_MOVE for word in words):
-        traffic.moves.append((start, traffic.at + 4))
-    return flawed
+    return bool(words) and send(random, traffic, words, 0 if spare else flaws)

@@ -17,6 +17,8 @@ CONFIGURATIONS = {
     "deep": {"motors": 1, "encoders": 0, "depth": 8},
     "short words": {"word_bits": 32, "motors": 24, "encoders": 2},
     "shared": {"motors": 8, "encoders": 8, "shared_dda": 1},
+    "shared, short words": {"motors": 3, "encoders": 5, "word_bits": 32, "shared_dda": 1},
+    "shared, deep": {"motors": 1, "encoders": 3, "depth": 8, "shared_dda": 1},
     "frames": {"cs_reset_message": 0, "motors": 2, "encoders": 1},
     "info": {"v020_info": 1, "motors": 2},
     "no halt": {"halt_pin": 0, "motors": 3},

@@ -46,13 +46,12 @@ class Rapcores(Component):
     position_bits : int
         Of encoder positions, 32, or 24 in profile ``v020``.
     shared_dda : int
-        1, in profile ``document``: one adder for the DDAs of all motors, at a fraction of the
-        logic. 0: each motor has arithmetic of its own. Pins are the same at every clock, and so is
-        what is read, but for this: with a divider below `min_divider` a tick waits until it is
-        worked out; a move of duration 0 right before a tick can let it wait, too. Telemetry of
-        encoder n is as it was up to 3n cycles and a few after the start of the move. Ticks left
-        (0xE1) are up to 4 cycles old. A velocity that is read within 3 cycles after a count may be
-        the one before.
+        1, in profile ``document``: one adder for the DDAs of all motors, and one for all registers
+        that count, at a fraction of the logic. 0: each has arithmetic of its own. Pins are the same
+        at every clock, with two exceptions. With a divider below `min_divider` a tick waits until
+        it is worked out. With more than 2 slots, if a move of duration 0 ends in the cycle in which
+        the header of a move message acts, and another move starts with it, the telemetry of that
+        message is that of the start of the move behind.
     **switches : int
         Profile switches that differ from the profile.
 
@@ -119,8 +118,14 @@ class Rapcores(Component):
 
     @property
     def min_divider(self) -> int:
-        """Smallest value of the clock divider that is as in the specification."""
-        return cycles(self._motors, self._word_bits) - 1 if self._compact else 0
+        """Smallest value of the clock divider that is as in the specification.
+
+        A tick is worked out anew with each move that ends, and so with moves of duration 0 between
+        two ticks.
+        """
+        if not self._compact:
+            return 0
+        return cycles(self._motors, self._word_bits) - 1 + self._depth - reg.DEPTH
 
     @property
     def input_pins(self) -> dict[str, tuple[str, int]]:
@@ -154,7 +159,10 @@ class Rapcores(Component):
         core = self._core()
         m.submodules.core = DomainRenamer("board")(core)
         if self._profile == "document":
-            m.d.comb += [core.clear.eq(~ready), core.clear_address.eq(count)]
+            # In the first cycle of a reset the core is not reset yet: no place that is used.
+            place = Signal(8, init=reg.RESET_CYCLES)
+            m.d.sync += place.eq(count)
+            m.d.comb += [core.clear.eq(~ready), core.clear_address.eq(place)]
         m.d.comb += [
             getattr(core, name).eq(getattr(self, name)) for name in INPUTS if hasattr(self, name)
         ]

@@ -17,9 +17,10 @@ from pulsewright.boards.rapcores.gateware_registers import (
     ZERO,
     Block,
     CountingRegisters,
+    Event,
     memory_address,
 )
-from pulsewright.boards.rapcores.gateware_shared import SharedDda
+from pulsewright.boards.rapcores.gateware_shared import SharedDda, cycles
 
 COUNTS_BASE: Final = reg.R_STEP_POSITION[0]
 CONFIGURATION: Final = 0x30  # from here on in block COUNTS; status registers here are constants
@@ -65,7 +66,6 @@ class CompactCore(DocumentCore):
             dda.integrate.eq(sequencer.integrate),
             dda.restart.eq(sequencer.finish | self._halted | (~sequencer.run & arrived)),
             self._ready.eq(dda.ready),
-            self._left.eq(dda.left),
             sequencer.last.eq(dda.last),
         ]
         # Whether a move has no ticks has to be known as it starts.
@@ -87,8 +87,9 @@ class CompactCore(DocumentCore):
             encoders=self._encoders,
             motors=self._motors,
             copied=min(self._encoders, self._motors),
-            events=tuple(place - COUNTS_BASE for place in COUNTERS.values()),
-            burst=self._depth,  # moves without ticks end one after the other
+            events=self._counted(),
+            depth=self._depth,
+            tick_cycles=cycles(self._motors, self._word_bits),
             contents={
                 memory_address(Block.FIXED, _fixed(place)): value
                 for place, value in self._constants().items()
@@ -98,7 +99,14 @@ class CompactCore(DocumentCore):
                 for place, value in DEFAULTS.items()
             },
         )
-        m.d.comb += [registers.clear.eq(self.clear), registers.clear_address.eq(self.clear_address)]
+        m.d.comb += [
+            registers.clear.eq(self.clear),
+            registers.clear_address.eq(self.clear_address),
+            registers.tick.eq(sequencer.integrate),
+            registers.restart.eq(sequencer.load | sequencer.finish | self._halted),
+            registers.run.eq(sequencer.run),
+            registers.slot.eq(sequencer.slot),
+        ]
         for n, former in enumerate(self._formers):
             moved, take = Signal(name=f"moved{n}"), Signal(name=f"take{n}")
             m.d.comb += [
@@ -118,6 +126,17 @@ class CompactCore(DocumentCore):
             with m.Elif(registers.taken[n]):
                 m.d.sync += take.eq(0)
 
+    def _counted(self) -> list[Event]:
+        """Return events, and how often each can be."""
+        word = 2 * self._word_bits  # cycles
+        found = {name: Event(place - COUNTS_BASE, word) for name, place in COUNTERS.items()}
+        found["framing"] = Event(found["framing"].place, 4)  # frames of one bit
+        # Moves without ticks end one after the other.
+        found["completed"] = Event(
+            found["completed"].place, cycles(self._motors, self._word_bits), self._depth
+        )
+        return list(found.values())
+
     def _configuration(self, m: Module) -> None:
         """Add what configuration does; what is read is in memory."""
         word, registers, motors = self._spi.word, self._registers, self._motors
@@ -128,12 +147,23 @@ class CompactCore(DocumentCore):
                 with m.Case(place):
                     size = motors if width is None else width
                     m.d.comb += [bits.eq((1 << size) - 1), known.eq(1)]
-        write = Signal()
-        m.d.sync += write.eq(self._write & known)
+        write, duration = Signal(), Signal()
+        slot = Signal.like(self._sequencer.write_slot)
+        m.d.sync += [
+            write.eq(self._write & known),
+            duration.eq(self._spi.strobe & self._moving & (self._number == 1)),
+            slot.eq(self._sequencer.write_slot),
+        ]
         m.d.comb += [
-            registers.write.eq(write),
-            registers.write_address.eq(_configuration_place(self._address)),
-            registers.write_data.eq(word & bits),
+            registers.write.eq(write | duration),
+            registers.write_address.eq(
+                Mux(
+                    duration,
+                    Cat(slot, Const(0, INDEX_BITS - len(slot)), Const(Block.DURATION, 3)),
+                    _configuration_place(self._address),
+                )
+            ),
+            registers.write_data.eq(word & (bits | duration.replicate(32))),
         ]
 
         def register(target: Value, place: int, value: Value, init: int = 0) -> None:
@@ -202,23 +232,35 @@ class CompactCore(DocumentCore):
             m.d.comb += [shown.eq(value[:8]), invert.eq(value[32])]
         m.d.comb += spi.reply.eq(shown ^ invert.replicate(8))
 
+        soon = Signal()
+        m.d.sync += soon.eq(spi.soon)
         self._fetch = Signal()  # a header would be one that reads memory
         m.d.comb += [
-            registers.block.eq(spi.soon | spi.byte_strobe | spi.strobe),
+            registers.block.eq(spi.soon | soon | spi.strobe),
             registers.choose.eq(spi.strobe),
             registers.read.eq(spi.strobe & self._idle & self._fetch),
         ]
         self._places(m, spi.received, spi.word[8:16])
-        # Telemetry: at the start of a move, or at the header of a message without one.
-        self._bank, self._newest = Signal(), Signal()  # of the open message, and the last one
-        self._copy = Signal()
-        copying_bank = Signal()
-        m.d.comb += registers.copy.eq(self._copy | sequencer.load)
-        m.d.comb += registers.copy_bank.eq(copying_bank)
+        # Telemetry is that of the start of the executing move, or, without one, of the cycle before
+        # a header: remembered then, and copied if the header is that of a message with telemetry.
+        bank, newest, target = Signal(), Signal(), Signal()  # of the open message, and the last one
+        self._bank, self._snap, copy_bank = bank, Signal(), Signal()
+        executing, use, copy = Signal(), Signal(), Signal()
+        m.d.sync += executing.eq(sequencer.run)
+        m.d.comb += [
+            use.eq(self._snap & executing),
+            copy.eq(self._snap & ~executing),
+            registers.capture.eq(sequencer.load | (soon & ~sequencer.run)),
+            registers.copy.eq(sequencer.load | copy),
+            registers.copy_bank.eq(copy_bank),
+            target.eq(Mux(registers.copying, copy_bank, ~Mux(use, newest, bank))),
+        ]
         with m.If(registers.copy):
-            m.d.sync += [copying_bank.eq(~self._bank), self._newest.eq(~self._bank)]
-        with m.If(self._copy):
-            m.d.sync += self._bank.eq(~self._bank)
+            m.d.sync += [copy_bank.eq(target), newest.eq(target)]
+        with m.If(use):
+            m.d.sync += bank.eq(newest)
+        with m.If(copy):
+            m.d.sync += bank.eq(target)
 
     def _reply_nothing(self, m: Module) -> None:
         m.d.sync += [
@@ -227,10 +269,7 @@ class CompactCore(DocumentCore):
         ]
 
     def _snapshot(self, m: Module) -> None:
-        with m.If(self._sequencer.run):
-            m.d.sync += self._bank.eq(self._newest)
-        with m.Else():
-            m.d.comb += self._copy.eq(1)
+        m.d.comb += self._snap.eq(1)
 
     def _reply_telemetry(self, m: Module) -> None:
         copied = min(self._encoders, self._motors)

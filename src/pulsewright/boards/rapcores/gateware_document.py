@@ -112,7 +112,6 @@ class DocumentCore(Component):
         self._formers = [PulseFormer() for _ in range(self._motors)]
         self._number = Signal(range(2 * self._motors + 2))  # of the word to come in a move
         self._moving = Signal()  # it is one of a move that is accepted
-        self._left = Signal(32)  # ticks of the executing move
         self._ready = Signal()  # for the next tick
         # Configuration, as it is used.
         self._divider, self._control = Signal(8), Signal()
@@ -182,6 +181,7 @@ class DocumentCore(Component):
         m.submodules.dda = dda = Dda(
             motors=self._motors, depth=self._depth, word_bits=self._word_bits
         )
+        self._left = Signal(32)  # ticks of the executing move
         load_slot = Signal.like(sequencer.slot)
         duration = [Signal(32, name=f"duration{n}") for n in range(self._depth)]
         m.d.comb += [
@@ -379,7 +379,7 @@ class DocumentCore(Component):
                     m.d.sync += self._reply.eq(value)
 
     def _flags(self) -> dict[int, Value]:
-        """Return status registers of flags, and of the executing move, by address."""
+        """Return status registers of flags, by address."""
         sequencer, faults = self._sequencer, self._encoder_fault
         return {
             reg.R_ENCODER_FAULT: faults,
@@ -393,7 +393,6 @@ class DocumentCore(Component):
                 self._halted,
                 self._halt_seen,
             ),
-            reg.R_TICKS_LEFT: Mux(sequencer.run, self._left, 0),
             reg.R_STEP_LOST: self._lost,
             reg.R_PULSES_PENDING: self._pending,
         }
@@ -412,6 +411,7 @@ class DocumentCore(Component):
         found = self._flags()
         found |= {address: Const(value, 32) for address, value in self._constants().items()}
         found |= {address: self._counter[name] for name, address in COUNTERS.items()}
+        found[reg.R_TICKS_LEFT] = Mux(self._sequencer.run, self._left, 0)
         for n, encoder in enumerate(self._encoder):
             found[reg.R_ENCODER_POSITION[n]] = encoder.position.as_signed()
             found[reg.R_ENCODER_VELOCITY[n]] = encoder.velocity.as_signed()

@@ -10,6 +10,8 @@ was at its last turn. In memory a velocity of a falling position is the compleme
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
@@ -20,8 +22,6 @@ from amaranth.lib.wiring import Component, In, Out
 WORD_BITS: Final = 32
 INDEX_BITS: Final = 6
 ADDRESS_BITS: Final = 9
-SPARE_CYCLES: Final = 16  # in which reads delay a scan
-STEP_BITS: Final = 3
 OWED_BITS: Final = 9
 
 
@@ -33,25 +33,46 @@ class Block(IntEnum):
     POSITION = 2
     COUNTS = 3  # step positions from 0 on, event counters, registers that the host writes
     FIXED = 4  # constants
+    DURATION = 5  # ticks of the moves in slots
 
 
 class Kind(IntEnum):
     """What has its turn."""
 
-    ENCODER = 0
-    MOTOR = 1
-    EVENT = 2
-    FIXED = 3
+    POSITION = 0  # of an encoder
+    TIME = 1  # its velocity, and the time since its last count
+    MOTOR = 2
+    EVENT = 3
+    FIXED = 4
 
 
 class Job(IntEnum):
     """What the adder does in a cycle."""
 
     NONE = 0
-    COUNT = 1  # a position of a motor or an event counter
-    POSITION = 2
+    POSITION = 1
+    COUNT = 2  # a position of a motor, or an event counter
     VELOCITY = 3
-    SINCE = 4
+    SINCE = 4  # after it
+
+
+@dataclass(frozen=True)
+class Event:
+    """What is counted.
+
+    Parameters
+    ----------
+    place : int
+        Of the counter in block `Block.COUNTS`: from 0x20 on.
+    spacing : int
+        Cycles that are at least from one to the next...
+    burst : int
+        ... but for so many.
+    """
+
+    place: int
+    spacing: int
+    burst: int = 1
 
 
 def memory_address(block: Block, index: int) -> int:
@@ -70,10 +91,13 @@ class CountingRegisters(Component):
     encoders, motors : int
     copied : int
         Encoders that a copy takes, not more than there are.
-    events : sequence of int
-        Where event counters are in block `Block.COUNTS`: from 0x20 on.
-    burst : int
-        How often the first event can come in cycles that follow each other.
+    events : sequence of Event
+        Event counters, in places that follow each other. The place before them is that of ticks
+        that are left.
+    depth : int
+        Move slots: not more moves than that start less than ``tick_cycles`` apart.
+    tick_cycles : int
+        From one tick to the next, at least.
     contents : mapping of int to int
         Constants in block `Block.FIXED`, by address.
     defaults : mapping of int to int
@@ -93,8 +117,13 @@ class CountingRegisters(Component):
         It is, at the end of this cycle.
     event : In(len(events)), zero : In(1)
         Count events; set all counters to 0, or to 1 with an event.
+    tick : In(1)
+        One tick less is left.
+    restart : In(1), run : In(1), slot : In(range(depth))
+        After a cycle with ``restart`` ticks left are those of ``slot`` in block `Block.DURATION`,
+        or 0 unless ``run``.
     block : In(1)
-        A read comes within three cycles, or now.
+        A read comes within two cycles, or now.
     choose : In(1), read : In(1), read_address : In(9)
         Read a register. ``choose`` is there with ``read``, and not without ``block``; it is apart
         from it as it comes sooner.
@@ -102,8 +131,11 @@ class CountingRegisters(Component):
         In the cycle after ``read``: its register. If ``inverted``, the complement is meant.
     write : In(1), write_address : In(9), write_data : In(32)
         Write a register, in the cycle after one in which a read could have been.
-    copy : In(1), copy_bank : In(1)
-        Copy position and velocity of encoders, as they are in the next cycles, one after the other.
+    capture : In(1), copy : In(1), copy_bank : In(1)
+        Remember what encoders are in this cycle. Copy, from the next cycle on, position and
+        velocity as they were then.
+    copying : Out(1)
+        Not all is copied.
     copy_address : In(7), copied_value : Out(33)
         Bank, encoder and which of the two: what was copied, a cycle later; bit 32 is ``inverted``.
     """
@@ -114,14 +146,15 @@ class CountingRegisters(Component):
         encoders: int,
         motors: int,
         copied: int,
-        events: tuple[int, ...],
-        burst: int,
+        events: Sequence[Event],
+        depth: int,
+        tick_cycles: int,
         contents: dict[int, int],
         defaults: dict[int, int],
     ) -> None:
         self._encoders, self._motors, self._copied = encoders, motors, copied
         self._events, self._contents, self._defaults = events, contents, defaults
-        self._event_bits = max(STEP_BITS, burst.bit_length() + 1)  # of the first event
+        self._depth, self._tick_cycles = depth, tick_cycles
         self._copy_bits = max(copied - 1, 1).bit_length()
         super().__init__(
             {
@@ -136,6 +169,10 @@ class CountingRegisters(Component):
                 "taken": Out(motors),
                 "event": In(len(events)),
                 "zero": In(1),
+                "tick": In(1),
+                "restart": In(1),
+                "run": In(1),
+                "slot": In(range(depth)),
                 "block": In(1),
                 "choose": In(1),
                 "read": In(1),
@@ -145,53 +182,82 @@ class CountingRegisters(Component):
                 "write": In(1),
                 "write_address": In(ADDRESS_BITS),
                 "write_data": In(WORD_BITS),
+                "capture": In(1),
                 "copy": In(1),
+                "copying": Out(1),
                 "copy_bank": In(1),
                 "copy_address": In(self._copy_bits + 2),
                 "copied_value": Out(WORD_BITS + 1),
             }
         )
 
+    def _round(self) -> int:
+        """Return the cycles from one turn of a register to the next, at most."""
+        turns = 3 * self._encoders + self._motors + 1 + len(self._events)
+        copy = 2 * self._copied + 2
+        cycles, before = turns, 0
+        while cycles != before:
+            before = cycles
+            copies = min(self._depth + 1, cycles // self._tick_cycles + 2)
+            # three cycles of each word of a message are free for a read
+            reads = 3 * (cycles // 64 + 1)
+            cycles = turns + self._depth + copy * copies + reads
+        return cycles
+
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        turns = 3 * self._encoders + self._motors + len(self._events)
-        self._time_bits = (turns + SPARE_CYCLES).bit_length()
-        self._delta_bits = max(self._time_bits + 1, OWED_BITS + 1)
-        job, jobs_left = Signal(3), Signal(2)
+        self._cycles = self._round()
+        self._time_bits = self._cycles.bit_length()
+        step_bits = (self._cycles // self._tick_cycles + 1).bit_length() + 1
+        self._step_bits = step_bits
+        self._delta_bits = max(self._time_bits + 1, OWED_BITS + 1, step_bits)
+        job, more = Signal(Job), Signal()
+        free, copies, turn = Signal(), Signal(), Signal()
         start = Signal()
-        m.d.comb += start.eq(self.read | ((jobs_left == 0) & ~self.block & ~self.clear))
+        m.d.comb += [
+            free.eq(~more & ~self.block & ~self.clear),
+            turn.eq(free & ~self.copying),
+            start.eq(self.read | turn | (free & copies)),
+        ]
 
-        # Whose turn it is: that of the read, or the next one of the scan.
-        kind, index = Signal(2), Signal(INDEX_BITS)
-        self._scan(m, start & ~self.read, kind, index)
-        position_first = Signal(init=1)  # unless a read wants the velocity
+        # Whose turn it is: that of the read, of a copy, or the next one of the scan.
+        kind, index = Signal(3), Signal(INDEX_BITS)
+        scan_kind, scan_index = self._scan(m, turn)
+        copy_time, copy_index = self._copy_scan(m, free, copies)
         with m.If(self.choose):
             m.d.comb += index.eq(self.read_address)
             with m.Switch(self.read_address[INDEX_BITS:]):
                 with m.Case(Block.POSITION):
-                    m.d.comb += kind.eq(Kind.ENCODER)
+                    m.d.comb += kind.eq(Kind.POSITION)
                 with m.Case(Block.VELOCITY):
-                    m.d.comb += [kind.eq(Kind.ENCODER), position_first.eq(0)]
+                    m.d.comb += kind.eq(Kind.TIME)
                 with m.Case(Block.COUNTS):
                     m.d.comb += kind.eq(
                         Mux(self.read_address[INDEX_BITS - 1], Kind.EVENT, Kind.MOTOR)
                     )
                 with m.Default():
                     m.d.comb += kind.eq(Kind.FIXED)
+        with m.Elif(self.copying):
+            m.d.comb += [
+                kind.eq(Mux(copy_time, Kind.TIME, Kind.POSITION)),
+                index.eq(copy_index),
+            ]
+        with m.Else():
+            m.d.comb += [kind.eq(scan_kind), index.eq(scan_index)]
 
-        delta, counted, often, gap, time, falling = self._changes(m, start, kind, index)
+        live = self.choose | ~self.copying
+        changes = self._changes(m, turn, live, kind, index)
+        counted, often = changes[1:3]
         # Kept for the jobs of the turn.
-        kept = [
-            Signal.like(value, name=f"kept{n}")
-            for n, value in enumerate((delta, counted, often, gap, time, falling))
-        ]
-        kept_delta, kept_counted, kept_often, kept_gap, kept_time, kept_falling = kept
-        kept_kind, kept_index = Signal.like(kind), Signal.like(index)
+        kept = [Signal.like(value, name=f"kept{n}") for n, value in enumerate(changes)]
+        kept_delta, kept_counted, _, kept_gap, kept_time, kept_falling = kept
+        kept_index, kept_turn, kept_copy = Signal.like(index), Signal(), Signal()
         with m.If(start):
-            m.d.sync += [kept_kind.eq(kind), kept_index.eq(index)]
             m.d.sync += [
-                old.eq(new)
-                for old, new in zip(kept, (delta, counted, often, gap, time, falling), strict=True)
+                *(old.eq(new) for old, new in zip(kept, changes, strict=True)),
+                kept_index.eq(index),
+                kept_turn.eq(turn),
+                kept_copy.eq(~live),
             ]
 
         m.submodules.memory = memory = Memory(
@@ -202,57 +268,45 @@ class CountingRegisters(Component):
         )
         written, read = memory.write_port(), memory.read_port()
 
-        def place(block: Block, which: Value) -> Value:
-            return Cat(which, Const(block, ADDRESS_BITS - INDEX_BITS))
-
-        def velocity_from(who: Value, any_: Value, many: Value) -> Value:
-            return Mux(any_, Mux(many, ZERO, place(Block.SINCE, who)), place(Block.VELOCITY, who))
-
-        # The first job of a turn, or the next one.
-        next_job = Signal(3)
+        # The job of a turn, or the next one.
+        next_job = Signal(Job)
         m.d.comb += read.addr.eq(ZERO)
-        with m.If(start), m.Switch(kind):
-            with m.Case(Kind.ENCODER):
-                with m.If(position_first):
+        with m.If(self.clear):
+            pass  # so that in the next cycle nothing is added to 0
+        with m.Elif(start):
+            m.d.sync += more.eq(turn & (kind == Kind.TIME))
+            with m.Switch(kind):
+                with m.Case(Kind.POSITION):
                     m.d.comb += [
                         next_job.eq(Job.POSITION),
-                        read.addr.eq(place(Block.POSITION, index)),
+                        read.addr.eq(_place(Block.POSITION, index)),
                     ]
-                with m.Else():
+                with m.Case(Kind.TIME):
+                    since = Mux(often, ZERO, _place(Block.SINCE, index))
                     m.d.comb += [
                         next_job.eq(Job.VELOCITY),
-                        read.addr.eq(velocity_from(index, counted, often)),
+                        read.addr.eq(Mux(counted, since, _place(Block.VELOCITY, index))),
                     ]
-                m.d.sync += jobs_left.eq(2)
-            with m.Case(Kind.MOTOR, Kind.EVENT):
-                m.d.comb += [
-                    next_job.eq(Job.COUNT),
-                    read.addr.eq(
-                        Mux((kind == Kind.EVENT) & often, ZERO, place(Block.COUNTS, index))
-                    ),
-                ]
-                m.d.sync += jobs_left.eq(0)
-            with m.Default():
-                m.d.comb += read.addr.eq(self.read_address)
-                m.d.sync += jobs_left.eq(0)
-        with m.Elif(jobs_left != 0):
-            m.d.sync += jobs_left.eq(jobs_left - 1)
-            with m.Switch(job):
-                with m.Case(Job.POSITION):
+                with m.Case(Kind.MOTOR):
                     m.d.comb += [
-                        next_job.eq(Job.VELOCITY),
-                        read.addr.eq(velocity_from(kept_index, kept_counted, kept_often)),
+                        next_job.eq(Job.COUNT),
+                        read.addr.eq(_place(Block.COUNTS, index)),
                     ]
-                with m.Case(Job.VELOCITY):
+                with m.Case(Kind.EVENT):
+                    duration = self.run & (index == self._events[0].place - 1)
+                    begin = Mux(duration, _place(Block.DURATION, self.slot), ZERO)
                     m.d.comb += [
-                        next_job.eq(Job.SINCE),
-                        read.addr.eq(Mux(kept_counted, ZERO, place(Block.SINCE, kept_index))),
+                        next_job.eq(Job.COUNT),
+                        read.addr.eq(Mux(often, begin, _place(Block.COUNTS, index))),
                     ]
                 with m.Default():
-                    m.d.comb += [
-                        next_job.eq(Job.POSITION),
-                        read.addr.eq(place(Block.POSITION, kept_index)),
-                    ]
+                    m.d.comb += read.addr.eq(self.read_address)
+        with m.Elif(more):
+            m.d.sync += more.eq(0)
+            m.d.comb += [
+                next_job.eq(Job.SINCE),
+                read.addr.eq(Mux(kept_counted, ZERO, _place(Block.SINCE, kept_index))),
+            ]
         m.d.sync += job.eq(next_job)
 
         operand = Signal(self._delta_bits)
@@ -261,9 +315,9 @@ class CountingRegisters(Component):
             total.eq(read.data[:WORD_BITS] + operand.as_signed()),
             self.value.eq(total),
             self.inverted.eq(read.data[WORD_BITS]),
-            written.addr.eq(place(Block.COUNTS, kept_index)),
+            written.addr.eq(_place(Block.COUNTS, kept_index)),
             written.data.eq(total),
-            written.en.eq((job != Job.NONE) | self.write | self.clear),
+            written.en.eq(((job != Job.NONE) & kept_turn) | self.write | self.clear),
         ]
         with m.Switch(job):
             with m.Case(Job.COUNT):
@@ -271,17 +325,20 @@ class CountingRegisters(Component):
             with m.Case(Job.POSITION):
                 m.d.comb += [
                     operand.eq(kept_delta),
-                    written.addr.eq(place(Block.POSITION, kept_index)),
+                    written.addr.eq(_place(Block.POSITION, kept_index)),
                 ]
             with m.Case(Job.VELOCITY):
-                m.d.comb += written.addr.eq(place(Block.VELOCITY, kept_index))
+                m.d.comb += written.addr.eq(_place(Block.VELOCITY, kept_index))
                 with m.If(kept_counted):
                     m.d.comb += [
                         operand.eq(Cat(kept_gap, Const(0, 1)).as_signed() - kept_falling),
                         self.inverted.eq(kept_falling),
                     ]
             with m.Case(Job.SINCE):
-                m.d.comb += [operand.eq(kept_time), written.addr.eq(place(Block.SINCE, kept_index))]
+                m.d.comb += [
+                    operand.eq(kept_time),
+                    written.addr.eq(_place(Block.SINCE, kept_index)),
+                ]
         m.d.comb += written.data[WORD_BITS].eq((job == Job.VELOCITY) & self.inverted)
         with m.If(self.write):
             m.d.comb += [written.addr.eq(self.write_address), written.data.eq(self.write_data)]
@@ -292,90 +349,143 @@ class CountingRegisters(Component):
                     with m.Case(address):
                         m.d.comb += operand.eq(value)
 
-        self._copies(m, written.data, kept_index, job)
+        self._copies(m, written.data, kept_index, kept_copy, job)
         return m
 
-    def _scan(self, m: Module, advance: Value, kind: Signal, index: Signal) -> None:
-        """Add the scan, which is restarted by a copy."""
-        self._copying, self._kept_copying = Signal(), Signal()
-        first = Kind.ENCODER if self._encoders else Kind.MOTOR
-        scan_kind, scan_index = Signal(2, init=first), Signal(INDEX_BITS)
-        m.d.comb += [kind.eq(scan_kind), index.eq(scan_index)]
+    def _scan(self, m: Module, turn: Value) -> tuple[Signal, Signal]:
+        """Add the scan; return whose turn is next."""
+        first = Kind.POSITION if self._encoders else Kind.MOTOR
+        kind, index = Signal(3, init=first), Signal(INDEX_BITS)
         ends = {
-            Kind.ENCODER: (self._encoders - 1, Kind.MOTOR, 0),
-            Kind.MOTOR: (self._motors - 1, Kind.EVENT, self._events[0]),
-            Kind.EVENT: (self._events[-1], first, 0),
+            Kind.POSITION: (self._encoders - 1, Kind.TIME, 0),
+            Kind.TIME: (self._encoders - 1, Kind.MOTOR, 0),
+            Kind.MOTOR: (self._motors - 1, Kind.EVENT, self._events[0].place - 1),
+            Kind.EVENT: (self._events[-1].place, first, 0),
         }
-        with m.If(advance):
-            m.d.sync += [scan_index.eq(scan_index + 1), self._kept_copying.eq(self._copying)]
-            with m.Switch(scan_kind):
+        with m.If(turn):
+            m.d.sync += index.eq(index + 1)
+            with m.Switch(kind):
                 for now, (last, then, at) in ends.items():
-                    with m.Case(now), m.If(scan_index == last):
-                        m.d.sync += [scan_kind.eq(then), scan_index.eq(at)]
-            with m.If(scan_index == self._copied - 1):
-                m.d.sync += self._copying.eq(0)
-        if self._copied:
-            with m.If(self.copy):
-                m.d.sync += [self._copying.eq(1), scan_kind.eq(first), scan_index.eq(0)]
+                    with m.Case(now), m.If(index == last):
+                        m.d.sync += [kind.eq(then), index.eq(at)]
+        return kind, index
 
-    def _changes(self, m: Module, start: Value, kind: Value, index: Value) -> tuple[Signal, ...]:
-        """Add what has changed since the last turns; return that of the one whose turn it is."""
+    def _copy_scan(self, m: Module, free: Value, copies: Signal) -> tuple[Signal, Signal]:
+        """Add the scan of a copy; ``copies``: it is there for the next turn, which is returned."""
+        time, index = Signal(), Signal(max(self._copied - 1, 0).bit_length())
+        if not self._copied:
+            return time, index
+        # In the first cycle the result of a turn before may not be in memory.
+        wait = Signal()
+        m.d.sync += wait.eq(self.copy)
+        m.d.comb += copies.eq(self.copying & ~wait)
+        with m.If(free & copies):
+            m.d.sync += index.eq(index + 1)
+            with m.If(index == self._copied - 1):
+                m.d.sync += [index.eq(0), time.eq(1), self.copying.eq(~time)]
+        with m.If(self.copy):
+            m.d.sync += [index.eq(0), time.eq(0), self.copying.eq(1)]
+        return time, index
+
+    def _changes(
+        self, m: Module, turn: Value, live: Value, kind: Value, index: Value
+    ) -> tuple[Signal, ...]:
+        """Add what has changed since the last turns.
+
+        Returns
+        -------
+        delta, counted, often, gap, time, falling
+            Of the one with an index: now if ``live``, else of an encoder at the last capture.
+        """
         bits = self._time_bits
-        delta = Signal(self._delta_bits)
-        counted, often, falling = Signal(), Signal(), Signal()
-        gap, time = Signal(bits), Signal(bits)
+        found = [Signal(n) for n in (bits + 1, 1, 1, bits, bits, 1)]  # of encoders
+        parts: list[tuple[Value, Sequence[Value]]] = []
         for n in range(self._encoders):
-            mine = [Signal(bits + 1), Signal(), Signal(), Signal(bits), Signal(bits), Signal()]
-            turn = start & (kind == Kind.ENCODER) & (index == n)
-            with m.If((kind == Kind.ENCODER) & (index == n)):
-                m.d.comb += [
-                    delta.eq(mine[0].as_signed()),
-                    *(
-                        a.eq(b)
-                        for a, b in zip((counted, often, gap, time, falling), mine[1:], strict=True)
-                    ),
-                ]
-            count, up = self.count[n], self.up[n]
-            my_delta, my_counted, my_often, my_gap, my_time, my_falling = mine
-            before = my_counted & ~turn
-            change = Cat(count, (count & ~up).replicate(bits))
-            m.d.sync += [
-                my_delta.eq(Mux(turn, change.as_signed(), my_delta + change.as_signed())),
-                my_counted.eq(count | before),
-                my_often.eq(Mux(count, before, my_often & ~turn)),
-                # cycles from the last count or turn
-                my_time.eq(Mux(count, 0, Mux(turn, 1, my_time + 1))),
-            ]
-            with m.If(count):
-                m.d.sync += [my_gap.eq(Mux(turn, 0, my_time)), my_falling.eq(~up)]
-        steps, owed = Signal(STEP_BITS), Signal(OWED_BITS)
+            here = ~kind[1] & (index == n)
+            turns = [turn & here & (kind[0] == time) for time in range(2)]
+            now = self._encoder_changes(m, n, *turns)
+            my_delta, my_counted, my_often, my_gap, _, my_falling = now
+            if n >= self._copied:
+                parts.append((here, now))
+                continue
+            then = [Signal.like(value, name=f"then{k}") for k, value in enumerate(now)]
+            kept = (
+                *(Mux(turns[0], 0, my_delta), ~turns[1] & my_counted, ~turns[1] & my_often),
+                *(my_gap, 0, my_falling),
+            )
+            with m.If(self.capture):
+                m.d.sync += [old.eq(new) for old, new in zip(then, kept, strict=True)]
+            parts += [(here & live, now), (here & ~live, then)]
+        for k, value in enumerate(found):
+            m.d.comb += value.eq(_either((here, mine[k]) for here, mine in parts))
+        delta, often = Signal(self._delta_bits), Signal()
+
+        steps, owed = Signal(self._step_bits), Signal(OWED_BITS)
+        stepped, take = [], []
         for n in range(self._motors):
-            mine_now = (kind == Kind.MOTOR) & (index == n)
-            turn = start & mine_now
-            my_steps = Signal(STEP_BITS, name=f"steps{n}")
-            change = Cat(self.moved[n], (self.moved[n] & self.down[n]).replicate(STEP_BITS - 1))
-            m.d.sync += my_steps.eq(Mux(turn, change, my_steps + change))
-            m.d.comb += self.taken[n].eq(turn & self.take[n])
-            with m.If(mine_now):
-                m.d.comb += steps.eq(my_steps)
-                with m.If(self.take[n]):
-                    m.d.comb += owed.eq(self.owed[n])
-        with m.If(kind == Kind.MOTOR):
-            m.d.comb += delta.eq(steps.as_signed() - owed.as_signed())
-        for n, place in enumerate(self._events):
-            mine_now = (kind == Kind.EVENT) & (index == place)
-            turn = start & mine_now
-            bits = STEP_BITS if n else self._event_bits
-            events, zeroed = Signal(bits, name=f"events{n}"), Signal(name=f"zeroed{n}")
+            here = (kind[:2] == Kind.MOTOR) & (index == n)
+            my_steps = Signal(self._step_bits, name=f"steps{n}")
+            change = Cat(self.moved[n], (self.moved[n] & self.down[n]).replicate(len(steps) - 1))
+            m.d.sync += my_steps.eq(Mux(turn & here, change, my_steps + change))
+            m.d.comb += self.taken[n].eq(turn & here & self.take[n])
+            stepped.append((here, my_steps))
+            take.append((here & self.take[n], self.owed[n]))
+        m.d.comb += [steps.eq(_either(stepped)), owed.eq(_either(take))]
+
+        counts, zeroed = [], []
+        for n, event in enumerate(self._events):
+            here = (kind[:2] == Kind.EVENT) & (index == event.place)
+            most = event.burst + self._cycles // event.spacing + 1
+            events, zero = Signal(range(most + 1), name=f"events{n}"), Signal(name=f"zeroed{n}")
             m.d.sync += [
-                events.eq(Mux(turn | self.zero, self.event[n], events + self.event[n])),
-                zeroed.eq(self.zero | (zeroed & ~turn)),
+                events.eq(Mux((turn & here) | self.zero, self.event[n], events + self.event[n])),
+                zero.eq(self.zero | (zero & ~(turn & here))),
             ]
-            with m.If(mine_now):
-                m.d.comb += [delta.eq(events), often.eq(zeroed)]
+            counts.append((here, events))
+            zeroed.append((here, zero))
+        here = (kind[:2] == Kind.EVENT) & (index == self._events[0].place - 1)
+        ticks, again = Signal(self._step_bits), Signal()  # down from 0
+        m.d.sync += [
+            ticks.eq(Mux(turn & here, 0, ticks) - self.tick),
+            again.eq(self.restart | (again & ~(turn & here))),
+        ]
+        with m.If(self.restart):
+            m.d.sync += ticks.eq(0)
+        counts.append((here, ticks.as_signed()))
+        zeroed.append((here, again))
+
+        m.d.comb += [
+            delta.eq(
+                _extended(found[0].as_signed(), self._delta_bits)
+                | _extended(steps.as_signed() - owed.as_signed(), self._delta_bits)
+                | _either(counts, self._delta_bits)
+            ),
+            often.eq(found[2] | _either(zeroed)),
+        ]
+        return delta, found[1], often, *found[3:]
+
+    def _encoder_changes(
+        self, m: Module, n: int, turn_position: Value, turn_time: Value
+    ) -> tuple[Signal, ...]:
+        """Add what has changed of an encoder."""
+        bits = self._time_bits
+        delta, gap, time = Signal(bits + 1), Signal(bits), Signal(bits)
+        counted, often, falling = Signal(), Signal(), Signal()
+        count, up = self.count[n], self.up[n]
+        before = counted & ~turn_time
+        change = Cat(count, (count & ~up).replicate(bits))
+        m.d.sync += [
+            delta.eq(Mux(turn_position, change.as_signed(), delta + change.as_signed())),
+            counted.eq(count | before),
+            often.eq(Mux(count, before, often & ~turn_time)),
+            # cycles from the last count or turn
+            time.eq(Mux(count, 0, Mux(turn_time, 1, time + 1))),
+        ]
+        with m.If(count):
+            m.d.sync += [gap.eq(Mux(turn_time, 0, time)), falling.eq(~up)]
         return delta, counted, often, gap, time, falling
 
-    def _copies(self, m: Module, data: Value, index: Value, job: Value) -> None:
+    def _copies(self, m: Module, data: Value, index: Value, enable: Value, job: Value) -> None:
         """Add the memory of copies."""
         if not self._copied:
             return
@@ -389,7 +499,30 @@ class CountingRegisters(Component):
         m.d.comb += [
             written.addr.eq(Cat(job == Job.VELOCITY, index[: self._copy_bits], self.copy_bank)),
             written.data.eq(data),
-            written.en.eq(self._kept_copying & ((job == Job.POSITION) | (job == Job.VELOCITY))),
+            written.en.eq(enable & ((job == Job.POSITION) | (job == Job.VELOCITY))),
             read.addr.eq(self.copy_address),
             self.copied_value.eq(read.data),
         ]
+
+
+def _place(block: Block, index: Value) -> Value:
+    """Return the address of a register."""
+    return Cat(
+        *(index[:INDEX_BITS], Const(0, INDEX_BITS - len(index))),
+        Const(block, ADDRESS_BITS - INDEX_BITS),
+    )
+
+
+def _either(choices: Iterable[tuple[Value, Value]], bits: int | None = None) -> Value:
+    """Return the value whose condition is 1, or 0; there is not more than one."""
+    found: Value = Const(0)
+    for condition, value in choices:
+        size = len(value) if bits is None else bits
+        found = found | (_extended(value, size) & condition.replicate(size))
+    return found
+
+
+def _extended(value: Value, bits: int) -> Value:
+    """Return a number in so many bits, unsigned."""
+    top = value[-1] if value.shape().signed else Const(0, 1)
+    return Cat(value, top.replicate(max(bits - len(value), 0)))[:bits]

@@ -57,8 +57,6 @@ class SharedDda(Component):
         The next tick is worked out.
     last : Out(1)
         With ``ready``: it is the last of its move.
-    left : Out(32)
-        Ticks of the move that are left, some cycles late.
     moved, down : Out(motors)
         With ``ready``: the next tick changes the step position of a motor, downwards.
     """
@@ -81,7 +79,6 @@ class SharedDda(Component):
                 "integrate": In(1),
                 "ready": Out(1),
                 "last": Out(1),
-                "left": Out(32),
                 "moved": Out(motors),
                 "down": Out(motors),
             }
@@ -165,10 +162,10 @@ class SharedDda(Component):
                         self.down[n].eq(added[-1]),
                     ]
         with m.If(working[2] & (here == DURATION)):
-            for n in range(DURATION_SLICES):
-                with m.If(places[2][: len(piece)] == n):
-                    m.d.sync += self.left[SLICE_BITS * n :][:SLICE_BITS].eq(added)
-        m.d.comb += self.last.eq(self.left == 1)
+            with m.If(bottom[2]):
+                m.d.sync += self.last.eq(added == 1)
+            with m.Elif(places[2][: len(piece)] < DURATION_SLICES):
+                m.d.sync += self.last.eq(self.last & (added == 0))
         return m
 
     def _slots(self, m: Module, place: Signal) -> tuple[Signal, Signal]:

@@ -1,10 +1,14 @@
 """What tests of served boards share: a server in a thread, and clients of plain sockets."""
 
 import json
+import os
 import socket
+import subprocess
+import sys
 import threading
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 from pulsewright.app.serve import serve
 
@@ -40,6 +44,43 @@ def serving(board, **arguments):
         over.set()
         thread.join(60)
         assert not thread.is_alive()
+
+
+class Process:
+    """A server in a process of its own.
+
+    Parameters
+    ----------
+    *arguments
+        Those of ``pulsewright serve``.
+    """
+
+    _COMMAND = (sys.executable, "-c", "from pulsewright.app.cli import main; main()", "serve")
+
+    def __init__(self, *arguments):
+        command = [*self._COMMAND, *map(str, arguments), "--json"]
+        self._process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert self._process.stdout.readline() == "ready\n"
+        self.line = self._process.stderr.readline()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self._process.terminate()
+        self.said, self.complaints = self._process.communicate(timeout=60)
+
+    @property
+    def served(self):
+        """What the server says at its end."""
+        assert self._process.returncode == 0, self.complaints
+        return json.loads(self.said)
+
+    def memory_kb(self):
+        pages = int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE") // 1024
 
 
 def connected(path):

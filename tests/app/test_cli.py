@@ -1,8 +1,10 @@
 """The command line as a person meets it: results, errors, exit codes, and what is left on disk."""
 
 import json
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -201,3 +203,21 @@ def test_starting_loads_nothing_heavy(statement, absent):
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()
     assert not absent & set(loaded)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_run_that_is_ended_leaves_nothing(folder, number, code):
+    """A job of an hour, ended once it has begun to write."""
+    path = write(folder, "G21 G90 F600\n" + "G1 X100\nG1 X0\n" * 180 + "M2\n")
+    command = [sys.executable, "-c", "from pulsewright.app.cli import main; main()", "run", path]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        until = time.monotonic() + 300
+        while not (folder / "out/part").exists():
+            assert process.poll() is None
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        process.send_signal(number)
+        _, complaint = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert "Traceback" not in complaint
+    assert not (folder / "out").exists()

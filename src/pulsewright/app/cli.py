@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -360,12 +362,20 @@ def doctor(as_json: Json = False) -> None:
     _show(doctor_module.examine(), as_json)
 
 
+def _terminate(number: int, frame: object) -> None:
+    """Leave by way of all clean-ups, as an interrupt does."""
+    sys.exit(128 + number)
+
+
 def main() -> None:
     """Run the command line; errors become one line and an exit code.
 
     2: unusable request or input; 1: a check failed, the link was lost or the board
-    stopped; 130: interrupted.
+    stopped; 130: interrupted; 143: terminated. Boards are stopped before, and files that are not
+    whole are removed.
     """
+    with suppress(ValueError):  # not in the main thread
+        signal.signal(signal.SIGTERM, _terminate)
     try:
         sys.exit(app(standalone_mode=False))
     except PulsewrightError as error:

@@ -207,6 +207,10 @@ def text(served: dict[str, Any]) -> str:
             f"{served['frames']} requests, {served['cycles']} servo cycles, "
             f"{served['overruns']} overruns"
         )
+    if served.get("lost"):
+        lines.append(
+            f"time stood still for {served['lost']:.1f} s: this computer is too slow for that board"
+        )
     if "lost" in state and "pulses" in state:
         for n, (pulses, lost) in enumerate(zip(state["pulses"], state["lost"], strict=True)):
             lines.append(f"motor {n}: {pulses} steps, {lost} lost")
@@ -260,7 +264,7 @@ class _Served:
     def summary(self) -> dict[str, Any]:
         """Return what is left at the end."""
         self.port.catch_up()
-        return {"state": self.port.twin.state()}
+        return {"lost": self.port.lost, "state": self.port.twin.state()}
 
 
 class _EppServed(_Served):

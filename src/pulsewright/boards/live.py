@@ -1,6 +1,8 @@
 """Twins whose clock follows the computer's, for boards that do more than answer.
 
 What the computer is late with, the twin catches up, in pieces whose edges fit into little memory.
+But a board that makes more edges than the computer can follow would be later each time: then time
+stands still for it meanwhile, and clients are served.
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ import numpy as np
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.transport.server import Connection
 
-PIECE_S: Final = 0.02  # [s]
+PIECE_S: Final = 0.002  # [s]
+EFFORT_S: Final = 0.01  # computing time for catching up at once [s]
 LINE_AHEAD_S: Final = 0.2  # of bytes that wait for a serial line [s]
 
 
@@ -29,6 +32,13 @@ class LivePort:
         Gets the changes of all pins in pieces, each valid during the call only.
     clock : callable
         Monotonic time [s].
+    effort : callable
+        Computing time of this thread [s].
+
+    Attributes
+    ----------
+    lost : float
+        Time that stood still for the board, as this computer was too slow for it [s].
     """
 
     def __init__(
@@ -36,8 +46,10 @@ class LivePort:
         twin: Any,
         edges: Callable[[EdgeTrace], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
+        effort: Callable[[], float] = time.thread_time,
     ) -> None:
-        self.twin, self._edges, self._clock = twin, edges, clock
+        self.twin, self._edges, self._clock, self._effort = twin, edges, clock, effort
+        self.lost = 0.0
         self.start()
 
     def start(self) -> None:
@@ -50,12 +62,17 @@ class LivePort:
         return int((self._clock() - self._start) * self.twin.clock_hz)
 
     def catch_up(self) -> None:
-        """Bring the twin to the present."""
-        twin, cycle = self.twin, self.cycle
+        """Bring the twin to the present, or let time stand still for it."""
+        twin, cycle, until = self.twin, self.cycle, self._effort() + EFFORT_S
         piece = round(PIECE_S * twin.clock_hz)
         while twin.now < cycle:
             twin.advance(min(cycle, twin.now + piece))
             self._look()
+            if self._effort() > until:  # and what this took does not count either
+                late = max(self.cycle - twin.now, 0) / twin.clock_hz
+                self._start += late
+                self.lost += late
+                break
         self._look()
 
     def reset(self) -> None:

@@ -50,6 +50,12 @@
 /* Steps that a pulse former can owe; further ones are lost. [step] */
 #define RAPCORES_BACKLOG 128u
 
+/* Period of the windings of a dual H-bridge. [cycle] */
+#define RAPCORES_PWM_CYCLES 512u
+
+/* Largest value of the sine table of a dual H-bridge. */
+#define RAPCORES_SINE_AMPLITUDE 4095u
+
 /* Of the original 0.3: devel 1, 0.3.0. */
 #define RAPCORES_VERSION 0x1000300u
 
@@ -219,6 +225,8 @@
 #define RAPCORES_R_BUILD_PARAMETERS 0xFEu
 #define RAPCORES_R_BUILD_PARAMETERS_SIZE 4u
 #define RAPCORES_R_BUILD_PARAMETERS_RESET 0x00002040u
+#define RAPCORES_R_BUILD_PARAMETERS_MOTOR_DRIVER_LSB 16u
+#define RAPCORES_R_BUILD_PARAMETERS_MOTOR_DRIVER_MASK 0x00010000u
 #define RAPCORES_R_BUILD_PARAMETERS_INTEGER_BITS_LSB 8u
 #define RAPCORES_R_BUILD_PARAMETERS_INTEGER_BITS_MASK 0x0000FF00u
 #define RAPCORES_R_BUILD_PARAMETERS_WORD_BITS_LSB 0u
@@ -239,8 +247,8 @@
 #define RAPCORES_W_ENABLE_ENABLE_LSB 0u
 #define RAPCORES_W_ENABLE_ENABLE_MASK 0xFFFFFFFFu
 
-/* Motor brake-on-disable mask (write). Without function on a step/dir board. Takes effect at
- * once. */
+/* Motor brake-on-disable mask (write). For dual H-bridges; without function on a step/dir board.
+ * Takes effect at once. */
 #define RAPCORES_W_BRAKE 0x01u
 #define RAPCORES_W_BRAKE_SIZE 4u
 #define RAPCORES_W_BRAKE_RESET 0x00000000u
@@ -321,6 +329,16 @@
 #define RAPCORES_W_DIR_POLARITY_RESET 0x00000000u
 #define RAPCORES_W_DIR_POLARITY_INVERT_LSB 0u
 #define RAPCORES_W_DIR_POLARITY_INVERT_MASK 0xFFFFFFFFu
+
+/* Motor 0..31 current (write). (ours) In builds with dual H-bridges only. Windings get this part
+ * of the supply voltage at the top of the sine; nothing measures their current. Takes effect in
+ * the next PWM period but one at the latest. */
+#define RAPCORES_W_CURRENT(n) (0xD0u + 1u * (n))
+#define RAPCORES_W_CURRENT_INSTANCES 32u
+#define RAPCORES_W_CURRENT_SIZE 4u
+#define RAPCORES_W_CURRENT_RESET 0x00000000u
+#define RAPCORES_W_CURRENT_CURRENT_LSB 0u
+#define RAPCORES_W_CURRENT_CURRENT_MASK 0x000000FFu
 
 /* Messages. Highest byte of the first word. The reply to a word comes with the next word; N is
  * the number of motors. Other messages have two words and are ignored; both replies are 0. */

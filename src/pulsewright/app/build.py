@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from pulsewright import boards
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from pulsewright.gateware.synth import Implementation, Resources
 
 PLATFORM: Final = "ulx3s"  # with pins for all of pluto_step
+MOTOR_DRIVERS: Final = ("step_dir", "h_bridge")
 # Part of the time that is over when a tool starts.
 _STARTED: Final = {"yosys": 0.0, "nextpnr-ice40": 0.4, "nextpnr-ecp5": 0.4}
 
@@ -204,6 +206,7 @@ def run(
     profile: str | None = None,
     axes: int | None = None,
     encoders: int | None = None,
+    motor_driver: str | None = None,
     out: Path | str | None = None,
     verilog: bool = False,
     pins: Path | str | None = None,
@@ -223,6 +226,9 @@ def run(
         Axes to bring out; default all, or as many as there are pins for.
     encoders : int, optional
         Encoders of a room that can have any number of them; default as many as axes.
+    motor_driver : str, optional
+        Of a room that has the choice: ``step_dir``, the default, or ``h_bridge``, outputs for the
+        windings of motors, too.
     out : Path or str, optional
         Folder for all files; default ``out/<board>-<platform>``.
     verilog : bool
@@ -251,10 +257,19 @@ def run(
         raise UsageError(f"{axes} axes asked; {board} has 1 to {room.axes}")
     if encoders is not None and "encoders" not in room.parameters:
         raise UsageError(f"{encoders} encoders asked; those of {board} are as they are")
+    options = {} if encoders is None else {"encoders": encoders}
+    if motor_driver is not None:
+        if "motor_driver" not in room.build_parameters:
+            raise UsageError(f"motor driver {motor_driver} asked; {board} has step and direction")
+        if motor_driver not in MOTOR_DRIVERS:
+            raise UsageError(
+                f"no motor driver '{motor_driver}'; there are {' and '.join(MOTOR_DRIVERS)}"
+            )
+        options["motor_driver"] = MOTOR_DRIVERS.index(motor_driver)
     if verilog:
         if platform is not None or pins is not None:
             raise UsageError("Verilog is written without pads: leave out platform and pins")
-        return _verilog(room, profile, axes, encoders, Path(out or f"out/{board}"))
+        return _verilog(room, profile, axes, options, Path(out or f"out/{board}"))
     if pins is not None and axes is not None:
         raise UsageError(f"{pins} says which axes are at pins: leave out --axes")
 
@@ -262,7 +277,7 @@ def run(
     from pulsewright.gateware import platforms, pll, synth
 
     target = platforms.get(PLATFORM if platform is None else platform)
-    whole = _gateware(room, profile, axes if pins is None else room.axes, encoders, target.family)
+    whole = _gateware(room, profile, axes if pins is None else room.axes, target.family, options)
     free = target.pins()
     pads = pin_maps.pads(whole)
     if pins is None:
@@ -275,7 +290,7 @@ def run(
     folder = _made(Path(out or f"out/{board}-{target.name}"))
     tools = _made(folder / "tools")
     made_axes = max(len(pin_map.get(name, ())) for name in pin_maps.axis_pads(pads))
-    component = _gateware(room, profile, made_axes, encoders, target.family)
+    component = _gateware(room, profile, made_axes, target.family, options)
     bitstream = folder / f"{board}-{target.name}{synth.SUFFIX[target.family]}"
     bitstream.unlink(missing_ok=True)  # one of an earlier build must not pass for this one's
     made = synth.implement(
@@ -385,7 +400,7 @@ def area(
         progress("area", n / len(jobs))
         room = boards.get(design.board)
         room.switches(design.profile)
-        component = _gateware(room, design.profile, design.axes, None, family)
+        component = _gateware(room, design.profile, design.axes, family)
         with tempfile.TemporaryDirectory(prefix="pulsewright-") as folder:
             resources = synth.synthesise(component, family, folder)
             device, reached = family, []
@@ -455,15 +470,14 @@ def _gateware(
     room: Board,
     profile: str,
     axes: int | None,
-    encoders: int | None = None,
     family: str | None = None,
+    options: Mapping[str, int] = MappingProxyType({}),
 ) -> Component:
     """Return a room's gateware, as large as a family takes.
 
     Says what to install where Amaranth is missing.
     """
     try:
-        options = {} if encoders is None else {"encoders": encoders}
         return room.gateware(profile, axes, **room.sizes.get(family or "", {}), **options)
     except ModuleNotFoundError as error:
         if error.name != "amaranth":
@@ -475,9 +489,9 @@ def _gateware(
 
 
 def _verilog(
-    room: Board, profile: str, axes: int | None, encoders: int | None, out: Path
+    room: Board, profile: str, axes: int | None, options: Mapping[str, int], out: Path
 ) -> BuildResult:
-    component = _gateware(room, profile, axes, encoders)
+    component = _gateware(room, profile, axes, None, options)
 
     from pulsewright.gateware import pins as pin_maps
     from pulsewright.gateware import synth

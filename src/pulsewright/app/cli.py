@@ -273,6 +273,10 @@ def build(
     encoders: Annotated[
         int | None, typer.Option(help="Encoders (rapcores); default as many as axes.")
     ] = None,
+    motor_driver: Annotated[
+        str | None,
+        typer.Option(metavar="step_dir|h_bridge", help="rapcores: what drives the motors."),
+    ] = None,
     pins: Annotated[
         Path | None, typer.Option(metavar="TOML", help="Which signal is at which pin.")
     ] = None,
@@ -293,6 +297,7 @@ def build(
             profile=profile,
             axes=axes,
             encoders=encoders,
+            motor_driver=motor_driver,
             out=out,
             verilog=verilog,
             pins=pins,

@@ -61,6 +61,8 @@ class Board:
     parameters : frozenset of str
         What a board can be made with besides profile switches: options of ``twin``, ``rtl`` and
         ``driver``.
+    build_parameters : frozenset of str
+        Further parameters of ``gateware`` that a build can be asked for.
     parameters_for : callable
         ``parameters_for(motors)`` returns those of a board that can drive so many motors.
     recordings : callable, optional
@@ -83,6 +85,7 @@ class Board:
     motor_pins: tuple[str, str] = ("step{}", "dir{}")
     bus: Literal["epp", "serial", "spi"] = "epp"
     parameters: frozenset[str] = frozenset()
+    build_parameters: frozenset[str] = frozenset()
     parameters_for: Callable[[int], dict[str, int]] = lambda motors: {}
     digital_outputs: bool = True
     sizes: Mapping[str, Mapping[str, int]] = field(default_factory=dict)

@@ -34,6 +34,9 @@ SAFETY: Final = ("estop_chain",)
 ACTIVE_HIGH: Final = (*SAFETY, "intr_i")
 # One pin per axis; the first two that a board has make it move.
 AXIS: Final = ("step", "dir", "a", "b", "index", "en", "mot_step", "mot_dir", "mot_enable")
+# Such pins of boards that drive the windings themselves, instead of `AXIS`; step and direction come
+# after all else.
+BRIDGE: Final = ("phase_a1", "phase_a2", "phase_b1", "phase_b2", "en")
 # Inputs of encoders where there may be more or fewer of them than axes; they take pins in pairs.
 PAIRED: Final = ("enc_a", "enc_b")
 # At pins only if a map says so: the reset of the host, what links several boards, and the direction
@@ -100,6 +103,8 @@ def required(pads: Mapping[str, Pad]) -> tuple[str, ...]:
 
 def axis_pads(pads: Mapping[str, Pad]) -> tuple[str, ...]:
     """Return the names of pads that have a pin per axis."""
+    if BRIDGE[0] in pads:
+        return BRIDGE
     return tuple(name for name in AXIS if name in pads)
 
 
@@ -145,16 +150,17 @@ def default_map(
             f"for fewer axes, choose another platform, or say in a pin file which pads to leave out"
         )
     order = bus + [(name, axis) for axis in range(axes) for name in mine]
-    rest = [name for name in pads if name not in (*BUS, *SAFETY, *AXIS, *UNUSED)]
+    rest = [name for name in pads if name not in (*BUS, *SAFETY, *mine, *UNUSED)]
     outputs_first = sorted(rest, key=lambda name: pads[name].direction == "i")
     order += [
         (name, bit)
         for name in outputs_first
-        if name not in PAIRED
+        if name not in (*PAIRED, *AXIS)
         for bit in range(pads[name].width)
     ]
     pairs = [name for name in outputs_first if name in PAIRED]
     order += [(name, bit) for bit in range(pads[pairs[0]].width) for name in pairs] if pairs else []
+    order += [(name, axis) for axis in range(axes) for name in rest if name in AXIS]
     found: dict[str, list[str | None]] = {name: [pin] for name, pin in wired.items()}
     for (name, _), pin in zip(order, pins, strict=False):
         found.setdefault(name, []).append(pin)
@@ -223,7 +229,7 @@ def load(path: Path, pads: Mapping[str, Pad], pins: Sequence[str], where: str) -
 
 
 def axes_of(pin_map: PinMap, pads: Mapping[str, Pad]) -> tuple[int, ...]:
-    """Return the axes whose step and dir are at pins."""
+    """Return the axes whose step and dir, or the first winding, are at pins."""
     step, direction = (pin_map.get(name, ()) for name in axis_pads(pads)[:2])
     return tuple(n for n, pair in enumerate(zip(step, direction, strict=False)) if all(pair))
 

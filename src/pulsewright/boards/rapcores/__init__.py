@@ -97,6 +97,7 @@ BOARD: Final = Board(
     bus="spi",
     digital_outputs=False,
     parameters=PARAMETERS,
+    build_parameters=frozenset({"motor_driver"}),
     parameters_for=_parameters_for,
     # a bitstream has one adder for all motors
     sizes={"ice40": {"shared_dda": 1}, "ecp5": {"shared_dda": 1}},

@@ -12,6 +12,7 @@ from amaranth.lib.wiring import Component, In, Member, Out
 
 from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.rapcores import registers as reg
+from pulsewright.boards.rapcores.gateware_bridge import LEGS
 from pulsewright.boards.rapcores.gateware_compact import CompactCore
 from pulsewright.boards.rapcores.gateware_document import DocumentCore
 from pulsewright.boards.rapcores.gateware_original import OriginalCore
@@ -22,7 +23,7 @@ BUS = ("cs", "sck", "copi")
 ENCODER_INPUTS = ("enc_a", "enc_b")
 INPUTS = (*BUS, "halt", *ENCODER_INPUTS)
 MOTOR_OUTPUTS = ("step", "dir", "en")
-OUTPUTS = ("cipo", "buffer_dtr", "move_done", *MOTOR_OUTPUTS)
+OUTPUTS = ("cipo", "buffer_dtr", "move_done")
 
 
 class Rapcores(Component):
@@ -52,6 +53,8 @@ class Rapcores(Component):
         it is worked out. With more than 2 slots, if a move of duration 0 ends in the cycle in which
         the header of a move message acts, and another move starts with it, the telemetry of that
         message is that of the start of the move behind.
+    motor_driver : int
+        1, in profile ``document``: besides step and direction there are outputs for dual H-bridges.
     **switches : int
         Profile switches that differ from the profile.
 
@@ -71,6 +74,8 @@ class Rapcores(Component):
         Toggles at the end of each move.
     step, dir, en : Out(motors)
         Pins of the motor drivers; ``en`` is active high.
+    phase_a1, phase_a2, phase_b1, phase_b2 : Out(motors)
+        With ``motor_driver``: the inputs of two integrated bridges of each motor, see `HBridges`.
 
     Raises
     ------
@@ -89,6 +94,7 @@ class Rapcores(Component):
         halt_pin: int = 1,
         position_bits: int = reg.POSITION_BITS,
         shared_dda: int = 0,
+        motor_driver: int = 0,
         **switches: int,
     ) -> None:
         self.switches = resolve_switches(reg.MAP, profile, switches)
@@ -105,6 +111,11 @@ class Rapcores(Component):
         if self.switches["v020_info"]:  # its replies have 64 bits
             _check("word_bits, with v020_info,", word_bits, (reg.WORD_BITS,))
         _check("shared_dda", shared_dda, range(2))
+        _check("motor_driver", motor_driver, range(2) if document else (0,))
+        self._h_bridge = bool(motor_driver)
+        self._motor_outputs = MOTOR_OUTPUTS
+        if motor_driver:
+            self._motor_outputs += tuple(f"phase_{leg}" for leg in LEGS)
         self._profile, self._position_bits = profile, position_bits
         self._compact = bool(shared_dda) and document and not self.switches["v020_info"]
         self._motors, self._encoders = motors, encoders
@@ -113,7 +124,7 @@ class Rapcores(Component):
         if encoders:
             ports |= {name: In(encoders) for name in ENCODER_INPUTS}
         ports |= {name: Out(1) for name in ("cipo", "cipo_oe", "buffer_dtr", "move_done")}
-        ports |= {name: Out(motors) for name in MOTOR_OUTPUTS}
+        ports |= {name: Out(motors) for name in self._motor_outputs}
         super().__init__(ports)
 
     @property
@@ -138,9 +149,11 @@ class Rapcores(Component):
 
     @property
     def output_pins(self) -> dict[str, tuple[str, int]]:
-        """Output pins: port and bit of each, such as ``step0``."""
-        return {name: (name, 0) for name in OUTPUTS if name not in MOTOR_OUTPUTS} | {
-            f"{name}{n}": (name, n) for name in MOTOR_OUTPUTS for n in range(self._motors)
+        """Output pins: port and bit of each, such as ``step0`` and ``phase0_a1``."""
+        return {name: (name, 0) for name in OUTPUTS} | {
+            _numbered(name, n): (name, n)
+            for name in self._motor_outputs
+            for n in range(self._motors)
         }
 
     def elaborate(self, platform: object) -> Module:
@@ -166,7 +179,10 @@ class Rapcores(Component):
         m.d.comb += [
             getattr(core, name).eq(getattr(self, name)) for name in INPUTS if hasattr(self, name)
         ]
-        m.d.comb += [getattr(self, name).eq(getattr(core, name)) for name in (*OUTPUTS, "cipo_oe")]
+        m.d.comb += [
+            getattr(self, name).eq(getattr(core, name))
+            for name in (*OUTPUTS, "cipo_oe", *self._motor_outputs)
+        ]
         return m
 
     def _core(self) -> Component:
@@ -186,7 +202,14 @@ class Rapcores(Component):
             halt_pin=self._halt_pin,
             cs_reset_message=bool(self.switches["cs_reset_message"]),
             v020_info=bool(self.switches["v020_info"]),
+            h_bridge=self._h_bridge,
         )
+
+
+def _numbered(port: str, n: int) -> str:
+    """Return the name of a pin of motor n."""
+    kind, _, leg = port.partition("_")
+    return f"{kind}{n}_{leg}" if leg else f"{port}{n}"
 
 
 def _check(name: str, value: object, allowed: range | Sequence[object]) -> None:

@@ -8,6 +8,7 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.memory import Memory
 
 from pulsewright.boards.rapcores import registers as reg
+from pulsewright.boards.rapcores.gateware_bridge import PHASE_BITS
 from pulsewright.boards.rapcores.gateware_document import COUNTERS, TIMES, DocumentCore
 from pulsewright.boards.rapcores.gateware_encoder import EncoderInputs
 from pulsewright.boards.rapcores.gateware_pulse import TIMER_BITS
@@ -107,8 +108,9 @@ class CompactCore(DocumentCore):
             registers.run.eq(sequencer.run),
             registers.slot.eq(sequencer.slot),
         ]
-        for n, former in enumerate(self._formers):
-            moved, take = Signal(name=f"moved{n}"), Signal(name=f"take{n}")
+        self._take = [Signal(name=f"take{n}") for n in range(self._motors)]
+        for n, (former, take) in enumerate(zip(self._formers, self._take, strict=True)):
+            moved = Signal(name=f"moved{n}")
             m.d.comb += [
                 moved.eq(sequencer.integrate & dda.moved[n]),
                 registers.moved[n].eq(moved),
@@ -125,6 +127,20 @@ class CompactCore(DocumentCore):
                 m.d.sync += take.eq(1)
             with m.Elif(registers.taken[n]):
                 m.d.sync += take.eq(0)
+
+    def _phases(self, m: Module) -> list[Value]:
+        """Return the phase angles of motors: copies of what is in memory."""
+        registers, found = self._registers, []
+        for n, (former, take) in enumerate(zip(self._formers, self._take, strict=True)):
+            counted, phase = (Signal(PHASE_BITS, name=f"{name}{n}") for name in ("counted", "phase"))
+            owed = former.owed.as_signed()
+            m.d.comb += phase.eq(counted - Mux(take, owed, 0))
+            with m.If(registers.taken[n]):
+                m.d.sync += counted.eq(phase)
+            with m.Elif(registers.moved[n]):
+                m.d.sync += counted.eq(counted + Cat(1, registers.down[n]).as_signed())
+            found.append(phase)
+        return found
 
     def _counted(self) -> list[Event]:
         """Return events, and how often each can be."""
@@ -177,6 +193,10 @@ class CompactCore(DocumentCore):
         register(self._control, reg.W_CONTROL, word)
         register(self._step_polarity, reg.W_STEP_POLARITY, word)
         register(self._dir_polarity, reg.W_DIR_POLARITY, word)
+        if self._h_bridge:
+            register(self._brake, reg.W_BRAKE, word)
+        for address, current in zip(reg.W_CURRENT, self._current, strict=False):
+            register(current, address, word)
         one = Signal()
         m.d.comb += one.eq(word[1:TIMER_BITS] == 0)
         time = Cat(word[0] | one, word[1:TIMER_BITS])
@@ -294,8 +314,12 @@ class CompactCore(DocumentCore):
                 m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
 
     def _reply_configuration(self, m: Module, address: Value) -> None:
-        with m.Switch(address), m.Case(*(place for place, _ in STORED)):
-            m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+        with m.Switch(address):
+            with m.Case(*(place for place, _ in STORED)):
+                m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+            for place, current in zip(reg.W_CURRENT, self._current, strict=False):
+                with m.Case(place):
+                    m.d.sync += self._reply.eq(current)
 
     def _places(self, m: Module, header: Value, address: Value) -> None:
         """Find out where in memory a register is, a cycle before its header is complete."""

@@ -13,6 +13,7 @@ from amaranth.lib.cdc import FFSynchronizer
 from amaranth.lib.wiring import Component, In, Out
 
 from pulsewright.boards.rapcores import registers as reg
+from pulsewright.boards.rapcores.gateware_bridge import CURRENT_BITS, LEGS, PHASE_BITS, HBridges
 from pulsewright.boards.rapcores.gateware_encoder import Encoder
 from pulsewright.boards.rapcores.gateware_motion import Dda, Sequencer, TickDivider
 from pulsewright.boards.rapcores.gateware_pulse import TIMER_BITS, Deadlines, PulseFormer
@@ -51,6 +52,8 @@ class DocumentCore(Component):
     ----------
     motors, encoders, word_bits, depth, times : see `Rapcores`
     halt_pin, cs_reset_message, v020_info : bool
+    h_bridge : bool
+        Windings are driven, too.
 
     Members
     -------
@@ -59,6 +62,8 @@ class DocumentCore(Component):
     cs, sck, copi, halt : In(1), enc_a, enc_b : In(encoders)
         Pins, asynchronous.
     cipo, cipo_oe, buffer_dtr, move_done : Out(1), step, dir, en : Out(motors)
+    phase_a1, phase_a2, phase_b1, phase_b2 : Out(motors)
+        With ``h_bridge``.
     """
 
     def __init__(
@@ -71,11 +76,12 @@ class DocumentCore(Component):
         halt_pin: bool,
         cs_reset_message: bool,
         v020_info: bool,
+        h_bridge: bool = False,
     ) -> None:
         self._motors, self._encoders = motors, encoders
         self._word_bits, self._depth = word_bits, depth
         self._halt_pin, self._cs_reset_message = halt_pin, cs_reset_message
-        self._v020_info = v020_info
+        self._v020_info, self._h_bridge = v020_info, h_bridge
         super().__init__(
             {
                 "clear": In(1),
@@ -93,6 +99,7 @@ class DocumentCore(Component):
                 "step": Out(motors),
                 "dir": Out(motors),
                 "en": Out(motors),
+                **({f"phase_{leg}": Out(motors) for leg in LEGS} if h_bridge else {}),
             }
         )
 
@@ -118,12 +125,18 @@ class DocumentCore(Component):
         m.submodules.deadlines = self._deadlines = Deadlines()
         self._one = {name: Signal(name=f"{name}_one") for name in TIMES}  # that time is one cycle
         self._step_polarity, self._dir_polarity = Signal(self._motors), Signal(self._motors)
+        self._brake = Signal(self._motors)
+        self._current = [
+            Signal(CURRENT_BITS, name=f"current{n}") for n in range(self._motors * self._h_bridge)
+        ]
         self._motion(m)
         self._ticks(m)
         self._configuration(m)
         self._encoder_blocks(m)
         self._halting(m)
         self._motors_blocks(m)
+        if self._h_bridge:
+            self._bridges(m)
         self._counters(m)
         self._replies(m)
         self._messages(m)
@@ -151,8 +164,8 @@ class DocumentCore(Component):
             self._stored[address] = value
             return value
 
-        register(reg.W_BRAKE, 32)
         m.d.comb += [
+            self._brake.eq(register(reg.W_BRAKE, 32)),
             self.en.eq(register(reg.W_ENABLE, 32)),
             self._divider.eq(register(reg.W_DIVIDER, 32, reg.W_DIVIDER_RESET)),
             self._control.eq(register(reg.W_CONTROL, 1)),
@@ -165,6 +178,8 @@ class DocumentCore(Component):
                 self._one[name].eq(value[1:] == 0),
                 getattr(self._deadlines, name).eq(Mux(value == 0, 1, value)),
             ]
+        for address, current in zip(reg.W_CURRENT, self._current, strict=False):
+            m.d.comb += current.eq(register(address, CURRENT_BITS))
 
     def _ticks(self, m: Module) -> None:
         """Add the tick divider."""
@@ -267,6 +282,23 @@ class DocumentCore(Component):
                 self.dir[n].eq(former.dir ^ self._dir_polarity[n]),
             ]
             self._latch(m, self._lost[n], former.lost, reg.W_CLEAR_STEP_LOST_LSB)
+
+    def _bridges(self, m: Module) -> None:
+        """Add the drive of windings."""
+        m.submodules.bridges = bridges = HBridges(motors=self._motors)
+        with m.Switch(bridges.motor):
+            for n, (phase, current) in enumerate(zip(self._phases(m), self._current, strict=True)):
+                with m.Case(n):
+                    m.d.comb += [bridges.phase.eq(phase), bridges.current.eq(current)]
+        m.d.comb += [
+            bridges.en.eq(self.en),
+            bridges.brake.eq(self._brake),
+            *(getattr(self, f"phase_{leg}").eq(getattr(bridges, leg)) for leg in LEGS),
+        ]
+
+    def _phases(self, m: Module) -> list[Value]:
+        """Return the phase angles of motors."""
+        return [position[:PHASE_BITS] for position in self._position]
 
     def _counters(self, m: Module) -> None:
         """Add counters of events."""
@@ -402,7 +434,9 @@ class DocumentCore(Component):
         return {
             reg.R_VERSION: reg.VERSION,
             reg.R_CHANNEL_INFO: self._channel_info,
-            reg.R_BUILD_PARAMETERS: self._word_bits | reg.INTEGER_BITS << 8,
+            reg.R_BUILD_PARAMETERS: self._word_bits
+            | reg.INTEGER_BITS << reg.R_BUILD_PARAMETERS_INTEGER_BITS_LSB
+            | self._h_bridge << reg.R_BUILD_PARAMETERS_MOTOR_DRIVER_LSB,
             reg.R_BUILD_ID: reg.BUILD_ID,
         }
 

@@ -63,6 +63,12 @@ MIN_HALF_PERIOD: Final = 6
 # Steps that a pulse former can owe; further ones are lost. [step]
 BACKLOG: Final = 128
 
+# Period of the windings of a dual H-bridge. [cycle]
+PWM_CYCLES: Final = 512
+
+# Largest value of the sine table of a dual H-bridge.
+SINE_AMPLITUDE: Final = 4_095
+
 # Of the original 0.3: devel 1, 0.3.0.
 VERSION: Final = 0x1000300
 
@@ -203,6 +209,8 @@ R_PULSES_PENDING_PENDING_MASK: Final = 0xFFFFFFFF
 # Build parameters (read)
 R_BUILD_PARAMETERS: Final = 0xFE
 R_BUILD_PARAMETERS_RESET: Final = 0x00002040
+R_BUILD_PARAMETERS_MOTOR_DRIVER_LSB: Final = 16
+R_BUILD_PARAMETERS_MOTOR_DRIVER_MASK: Final = 0x00010000
 R_BUILD_PARAMETERS_INTEGER_BITS_LSB: Final = 8
 R_BUILD_PARAMETERS_INTEGER_BITS_MASK: Final = 0x0000FF00
 R_BUILD_PARAMETERS_WORD_BITS_LSB: Final = 0
@@ -285,6 +293,12 @@ W_DIR_POLARITY: Final = 0xC7
 W_DIR_POLARITY_RESET: Final = 0x00000000
 W_DIR_POLARITY_INVERT_LSB: Final = 0
 W_DIR_POLARITY_INVERT_MASK: Final = 0xFFFFFFFF
+
+# Motor 0..31 current (write)
+W_CURRENT: Final = tuple(range(0xD0, 0xF0))
+W_CURRENT_RESET: Final = 0x00000000
+W_CURRENT_CURRENT_LSB: Final = 0
+W_CURRENT_CURRENT_MASK: Final = 0x000000FF
 
 # Messages
 HEADER_NOP: Final = 0x00
@@ -770,6 +784,13 @@ MAP: Final = RegisterMap(
             title="Build parameters",
             fields=(
                 Field(
+                    name="motor_driver",
+                    lsb=16,
+                    width=1,
+                    reset=0x00,
+                    desc="0 = step and direction, 1 = dual H-bridges, too.",
+                ),
+                Field(
                     name="integer_bits",
                     lsb=8,
                     width=8,
@@ -842,11 +863,11 @@ MAP: Final = RegisterMap(
                     lsb=0,
                     width=32,
                     reset=0x00,
-                    desc="1 = brake while disabled.",
+                    desc="1 = windings are short-circuited while disabled; 0 = open.",
                     per="motor",
                 ),
             ),
-            desc="Without function on a step/dir board.",
+            desc="For dual H-bridges; without function on a step/dir board.",
             takes_effect="at once",
             address_bytes=4,
         ),
@@ -1053,6 +1074,29 @@ MAP: Final = RegisterMap(
             takes_effect="at once",
             address_bytes=4,
         ),
+        Register(
+            board="rapcores",
+            name="CURRENT",
+            side="write",
+            addresses=tuple(range(0xD0, 0xF0)),
+            size=4,
+            title="Motor {n} current",
+            fields=(
+                Field(
+                    name="current",
+                    lsb=0,
+                    width=8,
+                    reset=0x00,
+                    desc="256 would be the whole supply voltage; 0 = not driven.",
+                ),
+            ),
+            desc=(
+                "(ours) In builds with dual H-bridges only. Windings get this part of the supply "
+                "voltage at the top of the sine; nothing measures their current."
+            ),
+            takes_effect="in the next PWM period but one at the latest",
+            address_bytes=4,
+        ),
     ),
     profiles=("document", "upstream", "v020"),
     switches=(
@@ -1170,6 +1214,18 @@ MAP: Final = RegisterMap(
             value=128,
             unit="step",
             desc="Steps that a pulse former can owe; further ones are lost.",
+        ),
+        Constant(
+            name="PWM_CYCLES",
+            value=512,
+            unit="cycle",
+            desc="Period of the windings of a dual H-bridge.",
+        ),
+        Constant(
+            name="SINE_AMPLITUDE",
+            value=4095,
+            unit="",
+            desc="Largest value of the sine table of a dual H-bridge.",
         ),
         Constant(
             name="VERSION",

@@ -286,8 +286,9 @@ class DocumentCore(Component):
     def _bridges(self, m: Module) -> None:
         """Add the drive of windings."""
         m.submodules.bridges = bridges = HBridges(motors=self._motors)
+        phases = self._phases(m)
         with m.Switch(bridges.motor):
-            for n, (phase, current) in enumerate(zip(self._phases(m), self._current, strict=True)):
+            for n, (phase, current) in enumerate(zip(phases, self._current, strict=True)):
                 with m.Case(n):
                     m.d.comb += [bridges.phase.eq(phase), bridges.current.eq(current)]
         m.d.comb += [

@@ -275,6 +275,36 @@ def test_the_pins_of_rapcores_on_an_icebreaker(tools, tmp_path):
     assert str(result.pll) == "12 MHz x 64 / 16 / 3 = 16 MHz"
 
 
+def test_the_pins_of_rapcores_with_h_bridges(tools, tmp_path):
+    """Windings and enable of each axis stand where step, direction and enable are otherwise."""
+    tools(60.0)
+    made = build.run(
+        "rapcores", "icebreaker", out=tmp_path, axes=3, encoders=1, motor_driver="h_bridge"
+    )
+    wired = {port: pins for port, _, pins, _ in made.pins}
+    windings = ("phase_a1", "phase_a2", "phase_b1", "phase_b2")
+    assert [wired[f"{port}[0..2]"][0] for port in (*windings, "en")] == [
+        f"pmod_0:{pin}" for pin in (7, 8, 9, 10)
+    ] + ["pmod_1:1"]
+    assert [wired[port] for port in ("halt", "enc_a", "enc_b")] == [
+        (f"pmod_2:{pin}",) for pin in (8, 9, 10)
+    ]
+    assert made.axes == 3
+    assert made.left_out == ("rst_n", "step[0..2]", "dir[0..2]")
+    larger = build.run("rapcores", "hx8k", out=tmp_path, axes=2, motor_driver="h_bridge")
+    assert {"step[0..1]", "dir[0..1]"} <= {port for port, _, _, _ in larger.pins}
+    plain = build.run("rapcores", "hx8k", out=tmp_path, axes=2, motor_driver="step_dir")
+    assert not any(port.startswith("phase") for port, _, _, _ in plain.pins)
+
+
+def test_motor_drivers_that_there_are_not(tools, tmp_path):
+    tools(60.0)
+    with pytest.raises(UsageError, match="'chopper'; there are step_dir and h_bridge"):
+        build.run("rapcores", "hx8k", out=tmp_path, motor_driver="chopper")
+    with pytest.raises(UsageError, match="h_bridge asked; usc has step and direction"):
+        build.run("usc", "hx8k", out=tmp_path, motor_driver="h_bridge")
+
+
 def test_the_number_of_encoders_is_chosen(tools, tmp_path):
     tools(60.0)
     made = build.run("rapcores", "hx8k", out=tmp_path, axes=2, encoders=5)

@@ -100,9 +100,7 @@ def waves():
     """On-times of A and B, with their signs, at every phase, by current."""
     found = {}
     for current in (255, 77):
-        rows = [
-            (FRAME * n, {"phase": n % 1024, "current": current, "en": 1}) for n in range(1025)
-        ]
+        rows = [(FRAME * n, {"phase": n % 1024, "current": current, "en": 1}) for n in range(1025)]
         a, b = levels(bridges(), rows, 1026 * FRAME + BEGIN)
         found[current] = np.array(
             [[pulse(legs, n)[1] * pulse(legs, n)[2] for n in range(1, 1025)] for legs in (a, b)]

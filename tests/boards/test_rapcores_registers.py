@@ -79,7 +79,11 @@ STATUS_SPEC = [
     ("STEP_LOST", 0xE7, 1, 0, [("lost", 31, 0)]),
     ("ENCODER_FAULT_HI", 0xE8, 1, 0, [("fault", 31, 0)]),
     ("PULSES_PENDING", 0xE9, 1, 0, [("pending", 31, 0)]),
-    ("BUILD_PARAMETERS", 0xFE, 1, 0x2040, [("word_bits", 7, 0), ("integer_bits", 15, 8)]),
+    (
+        *("BUILD_PARAMETERS", 0xFE, 1, 0x2040),
+        # the motor driver is ours beyond the specification
+        [("word_bits", 7, 0), ("integer_bits", 15, 8), ("motor_driver", 16, 16)],
+    ),
     ("BUILD_ID", 0xFF, 1, 0x52430001, [("id", 31, 0)]),
 ]
 
@@ -102,6 +106,7 @@ CONFIGURATION_SPEC = [
     ),
     ("STEP_POLARITY", 0xC6, 1, 0, [("invert", 31, 0)]),
     ("DIR_POLARITY", 0xC7, 1, 0, [("invert", 31, 0)]),
+    ("CURRENT", 0xD0, 32, 0, [("current", 7, 0)]),  # ours beyond the specification
 ]
 
 # Specification, 2.1 and appendix A.

@@ -8,6 +8,7 @@ cycles late. So a pulse is never cut or joined to another by a motor that moves.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import pi, sin
 from typing import Final
 
@@ -144,7 +145,5 @@ class HBridges(Component):
         chain = [Signal(ON_BITS + 1, name=f"following{n}") for n in range(2 * self._motors)]
         with m.If(first):
             m.d.sync += chain[-1].eq(Cat(total[-ON_BITS:], negative))
-            m.d.sync += [old.eq(new) for old, new in zip(chain, chain[1:], strict=False)]
+            m.d.sync += [old.eq(new) for old, new in pairwise(chain)]
         return chain
-
-

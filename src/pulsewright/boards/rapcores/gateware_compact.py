@@ -132,7 +132,8 @@ class CompactCore(DocumentCore):
         """Return the phase angles of motors: copies of what is in memory."""
         registers, found = self._registers, []
         for n, (former, take) in enumerate(zip(self._formers, self._take, strict=True)):
-            counted, phase = (Signal(PHASE_BITS, name=f"{name}{n}") for name in ("counted", "phase"))
+            counted = Signal(PHASE_BITS, name=f"counted{n}")
+            phase = Signal(PHASE_BITS, name=f"phase{n}")
             owed = former.owed.as_signed()
             m.d.comb += phase.eq(counted - Mux(take, owed, 0))
             with m.If(registers.taken[n]):

@@ -156,6 +156,14 @@ def test_a_motor_is_looked_at_once_in_a_frame(motors, motor):
             assert found == [before] * (first - 1) + [after] * (6 - first)
 
 
+def test_the_first_period_is_braked():
+    """Nothing has been looked at before it, whatever the motor is to get."""
+    found = levels(bridges(), [(0, {"phase": 300, "current": 255, "en": 1})], 2 * FRAME)
+    for legs in found:
+        assert set(legs[1 : BEGIN + FRAME].tolist()) == {BRAKE}
+        assert set(legs[BEGIN + FRAME :].tolist()) > {BRAKE}
+
+
 def test_motors_have_phases_and_currents_of_their_own():
     host = board()
     host.write(2, 0)

@@ -113,9 +113,8 @@ class Rapcores(Component):
         _check("shared_dda", shared_dda, range(2))
         _check("motor_driver", motor_driver, range(2) if document else (0,))
         self._h_bridge = bool(motor_driver)
-        self._motor_outputs = MOTOR_OUTPUTS
-        if motor_driver:
-            self._motor_outputs += tuple(f"phase_{leg}" for leg in LEGS)
+        legs = LEGS if motor_driver else ()
+        self._motor_outputs = (*MOTOR_OUTPUTS, *(f"phase_{leg}" for leg in legs))
         self._profile, self._position_bits = profile, position_bits
         self._compact = bool(shared_dda) and document and not self.switches["v020_info"]
         self._motors, self._encoders = motors, encoders

@@ -138,7 +138,7 @@ class HBridges(Component):
                 m.d.sync += bits.eq(self.current)
         # Product of sine and current, from the lowest bit of the current on.
         half = 1 << (CUT_BITS - 1)
-        product, total = Signal(SINE_BITS, init=half), Signal(SINE_BITS + 1)
+        product, total = Signal(SINE_BITS), Signal(SINE_BITS + 1)  # nothing before the first frame
         m.d.comb += total.eq(product + Mux(bits[0], sine.data, 0))
         m.d.sync += product.eq(Mux(first, half, total >> 1))
         # The last on-times of a frame are those of the motors.

@@ -17,8 +17,8 @@ import numpy as np
 # Modules that a twin consists of, each after those it imports; `boards.twinning` is between them.
 FLOOR = ("kernel", "clock", "epp", "recorder", "quadrature", "step_rate", "step_pulse", "uart")
 ROOM = (
-    *("twin_stepgen", "twin_channel", "twin_motor", "twin_state", "twin_program", "twin_protocol"),
-    *("twin_original", "twin_message", "twin_spi"),
+    *("twin_stepgen", "twin_channel", "twin_motor", "twin_bridge", "twin_state"),
+    *("twin_program", "twin_protocol", "twin_original", "twin_message", "twin_spi"),
     *("twin_kernel", "twin"),
 )
 

@@ -39,6 +39,7 @@ from pulsewright.boards.rapcores.registers import (
     RESET_CYCLES,
     WORD_BITS,
 )
+from pulsewright.boards.rapcores.twin_bridge import LEGS
 from pulsewright.boards.twinning import Twin
 from pulsewright.errors import UsageError
 from pulsewright.transport.spi_bus import check_frame, frame_cycles
@@ -63,9 +64,12 @@ def input_pins(encoders: int) -> tuple[str, ...]:
     return (*BUS_INPUTS, *(f"enc{e}_{pin}" for e in range(encoders) for pin in "ab"))
 
 
-def output_pins(motors: int) -> tuple[str, ...]:
+def output_pins(motors: int, motor_driver: int = 0) -> tuple[str, ...]:
     """Return the output pins of a board."""
-    return (*OUTPUTS, *(f"{pin}{i}" for i in range(motors) for pin in ("step", "dir", "en")))
+    pins = (*OUTPUTS, *(f"{pin}{i}" for i in range(motors) for pin in ("step", "dir", "en")))
+    if motor_driver:
+        pins += tuple(f"phase{i}_{leg}" for i in range(motors) for leg in LEGS)
+    return pins
 
 
 class RapcoresTwin(Twin):
@@ -89,8 +93,13 @@ class RapcoresTwin(Twin):
         1: the pin ``halt`` is built.
     position_bits : int
         Of an encoder position in replies: 32; in profile ``v020`` 24 is possible.
+    motor_driver : int
+        1, in profile ``document``: there are dual H-bridges, too.
     bus_pins : bool
         Record the pin ``cipo``. Frames are sent bit by bit then, which takes far longer.
+    phase_pins : int
+        0: pins of dual H-bridges are not recorded, and stay 0. Those of a motor that is driven change
+        125 000 times a second, whether it moves or not.
     **switches : int
         Switches that differ from the profile; see the register map.
 
@@ -101,7 +110,8 @@ class RapcoresTwin(Twin):
         ``enc0_b`` and so on. ``rst_n``, ``cs`` and ``halt`` are high at first, the others low.
     output_pins : tuple of str
         Pins of the trace: ``cipo``, ``buffer_dtr``, ``move_done``, then ``step0``, ``dir0``,
-        ``en0`` and so on.
+        ``en0`` and so on; with ``motor_driver``, then ``phase0_a1``, ``phase0_a2``, ``phase0_b1``,
+        ``phase0_b2`` and so on.
     switches : dict of str to int
         All profile switches.
 
@@ -129,17 +139,20 @@ class RapcoresTwin(Twin):
         depth: int = DEPTH,
         halt_pin: int = 1,
         position_bits: int = POSITION_BITS,
+        motor_driver: int = 0,
         bus_pins: bool = False,
+        phase_pins: int = 1,
         **switches: int,
     ) -> None:
         self.switches = resolve_switches(MAP, profile, switches)
-        _check(profile, motors, encoders, word_bits, depth, halt_pin, position_bits)
+        _check(profile, motors, encoders, word_bits, depth, halt_pin, position_bits, motor_driver)
         _check_switches(profile, word_bits, self.switches)
         self.profile, self.motors, self.encoders = profile, motors, encoders
         self.word_bits, self.bus_pins = word_bits, bus_pins
         self._word_bytes = word_bits // 8
         super().__init__(
-            "rapcores", CLOCK_HZ, input_pins(encoders), output_pins(motors), high=("buffer_dtr",)
+            *("rapcores", CLOCK_HZ, input_pins(encoders), output_pins(motors, motor_driver)),
+            high=("buffer_dtr",),
         )
         self._delay = np.full(len(self.input_pins), layout.ENCODER_DELAY)
         self._delay[: layout.ENCODER_PINS] = 0
@@ -159,6 +172,7 @@ class RapcoresTwin(Twin):
             position_bits,
             bus_pins,
         )
+        board["motor_driver"], board["phase_pins"] = motor_driver, motor_driver and phase_pins
         board["done"], board["rst_n"], board["halt"] = -1, 1, 1
         board["spi_at"], board["ready_at"] = NEVER, RESET_CYCLES
         self._spi["cs"] = 1
@@ -303,7 +317,8 @@ class RapcoresTwin(Twin):
             (bool); ``used`` (slots), ``ticks_left``; counters ``completed``, ``refused``,
             ``framing``, ``aborted``, ``unknown``; ``divider``, ``enable``, ``fault`` (mask). Of
             each motor ``position`` [step], ``fraction`` [2^-63 step], ``increment``, ``backlog``
-            [step], ``lost`` (bool). Of each encoder ``encoder_position`` and ``encoder_velocity``.
+            [step], ``lost`` (bool), ``current``. Of each encoder ``encoder_position`` and
+            ``encoder_velocity``.
         """
         self._settle()
         board, motors = self._board, self._motors[: self.motors]
@@ -323,6 +338,7 @@ class RapcoresTwin(Twin):
             "position": self.positions(),
             **{name: motors[name].tolist() for name in ("fraction", "increment", "backlog")},
             "lost": (motors["lost"] != 0).tolist(),
+            "current": board["current"][: self.motors].tolist(),
             "encoder_position": encoders["position"].tolist(),
             "encoder_velocity": encoders["velocity"].tolist(),
         }
@@ -359,6 +375,7 @@ def _check(
     depth: int,
     halt_pin: int,
     position_bits: int,
+    motor_driver: int,
 ) -> None:
     """Check the parameters of a build; raise `UsageError`."""
     document, v020 = profile == "document", profile == "v020"
@@ -371,6 +388,7 @@ def _check(
         "depth": (depth, depths),
         "halt_pin": (halt_pin, (0, 1)),
         "position_bits": (position_bits, POSITION_BITS_V020 if v020 else (POSITION_BITS,)),
+        "motor_driver": (motor_driver, (0, 1) if document else (0,)),
     }
     for name, (value, values) in allowed.items():
         if value not in values:

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.boards.rapcores import twin_bridge as bridges
 from pulsewright.boards.rapcores import twin_message as message
 from pulsewright.boards.rapcores import twin_motor as motion
 from pulsewright.boards.rapcores import twin_original as original
@@ -23,6 +24,8 @@ from pulsewright.boards.rapcores.registers import (
     W_CLEAR_HALT_SEEN_MASK,
     W_CONTROL,
     W_CONTROL_HALT_MASK,
+    W_CURRENT,
+    W_CURRENT_CURRENT_MASK,
     W_DIR_HOLD,
     W_DIR_HOLD_CYCLES_MASK,
     W_DIR_HOLD_RESET,
@@ -55,6 +58,7 @@ from pulsewright.boards.rapcores.twin_state import (
     FIXED_ROWS,
     HALT,
     HALT_DELAY,
+    LEGS,
     MOTOR_PINS,
     MOVE_DONE,
     RST_N,
@@ -63,6 +67,7 @@ from pulsewright.boards.rapcores.twin_state import (
     V020,
     WORLD,
     State,
+    bridge_row,
     hold_telemetry,
     motor_row,
     next_tick,
@@ -77,9 +82,23 @@ from pulsewright.twin.kernel import hot, inlined, kernel
 from pulsewright.twin.memory import array_at
 from pulsewright.twin.recorder import PIN, Rows, drive, toggle
 
+CURRENT_0: Final = W_CURRENT[0]
 FRAME_END: Final = 4  # cycles from the rise of CS to what it does
 
 # ------------------------------------------------------------------------------------------- motors
+
+
+@inlined
+def advance_bridge(s: State, i: int, end: int, ticks: int) -> bool:
+    """Run the bridges of a motor up to cycle ``end``, not included; False if a buffer is full.
+
+    ``ticks`` are those of its move up to there. The motor must still be where it was.
+    """
+    board, world = s.world[0].board, s.world[0]
+    return bridges.advance(
+        *(world.bridges[i], world.motors[i], board.current[i], end, ticks),
+        *(board.piece_first, board.period, s.rows, bridge_row(board, i)),
+    )
 
 
 @kernel
@@ -94,6 +113,9 @@ def advance_all(s: State, end: int) -> bool:
     for i in range(board.motors):
         pins = (motor_row(i, STEP), motor_row(i, DIRECTION))
         motor = s.world[0].motors[i]
+        if board.phase_pins and not advance_bridge(s, i, end, ticks):
+            done = False
+            continue
         if motor.shown < end or motor.done < ticks:
             ran = motion.advance(
                 motor, end, ticks, board.piece_first, board.period, times, s.rows, pins
@@ -165,6 +187,8 @@ def stop(s: State, cycle: int) -> None:
     board.slot = board.write_slot
     for i in range(board.motors):
         motor = s.world[0].motors[i]
+        if board.phase_pins:
+            advance_bridge(s, i, cycle + 1, motor.done)
         motor.position -= motor.backlog + motor.delta
         motor.backlog = motor.delta = motor.done = 0
 
@@ -223,6 +247,16 @@ def change_polarity(s: State, pin: int, changed: int, cycle: int) -> None:
 
 
 @kernel
+def change_bridges(s: State, cycle: int) -> None:
+    """Let bridges be enabled, disabled or braked at edge ``cycle``; they must be past it."""
+    board = s.world[0].board
+    if board.phase_pins:
+        for i in range(board.motors):
+            bridge = s.world[0].bridges[i]
+            bridges.change(bridge, board.enable >> i & 1, board.brake >> i & 1, cycle)
+
+
+@kernel
 def write(s: State, address: int, value: int, cycle: int) -> None:
     """Write a configuration register at edge ``cycle``; the motors must be past it."""
     board = s.world[0].board
@@ -231,8 +265,10 @@ def write(s: State, address: int, value: int, cycle: int) -> None:
         board.enable = value
         for i in range(board.motors):
             drive(s.rows, motor_row(i, ENABLE), value >> i & 1, cycle)
+        change_bridges(s, cycle)
     elif address == W_BRAKE:
         board.brake = value
+        change_bridges(s, cycle)
     elif address == W_DIVIDER:
         change_divider(s, value, cycle)
     elif board.profile != DOCUMENT:
@@ -258,6 +294,8 @@ def write(s: State, address: int, value: int, cycle: int) -> None:
     elif address == W_DIR_POLARITY:
         change_polarity(s, DIRECTION, board.direction_polarity ^ value & motors, cycle)
         board.direction_polarity = value & motors
+    elif board.motor_driver and CURRENT_0 <= address < CURRENT_0 + board.motors:
+        board.current[address - CURRENT_0] = value & W_CURRENT_CURRENT_MASK
 
 
 @hot
@@ -439,7 +477,10 @@ def enter_reset(s: State, cycle: int) -> None:
         motor.position = motor.fraction = motor.increment = motor.change = motor.done = 0
         motor.delta = motor.backlog = motor.step = motor.direction = motor.lost = 0
         motor.low = motor.hold = motor.setup = 0
-    for row in range(FIXED_ROWS + MOTOR_PINS * board.motors):
+        board.current[i] = 0
+        bridges.reset(s.world[0].bridges[i], cycle, board.motors - 1 - i)
+    pins = MOTOR_PINS + (LEGS if board.motor_driver else 0)
+    for row in range(FIXED_ROWS + pins * board.motors):
         drive(s.rows, row, 0, cycle)
     s.world[0].spi.shown = 0
     show_ready(s, cycle)
@@ -465,6 +506,7 @@ def leave_reset(s: State, cycle: int) -> None:
     board.idle_from = board.core_cycle = cycle
     for i in range(board.motors):
         s.world[0].motors[i].shown = cycle
+        bridges.reset(s.world[0].bridges[i], cycle, board.motors - 1 - i)
     for e in range(board.encoders):
         # the original 0.2 knows no velocity before the second count
         s.world[0].encoders[e].last = NEVER if board.profile == V020 else cycle - 1

@@ -35,6 +35,7 @@ from pulsewright.boards.rapcores.registers import (
     R_BUILD_ID,
     R_BUILD_PARAMETERS,
     R_BUILD_PARAMETERS_INTEGER_BITS_LSB,
+    R_BUILD_PARAMETERS_MOTOR_DRIVER_LSB,
     R_CHANNEL_INFO,
     R_CHANNEL_INFO_ENCODERS_LSB,
     R_CHANNEL_INFO_POSITION_BITS_LSB,
@@ -64,6 +65,7 @@ from pulsewright.boards.rapcores.registers import (
     W_CLEAR_ENCODER_FAULT_MASK,
     W_CLEAR_STEP_LOST_MASK,
     W_CONTROL,
+    W_CURRENT,
     W_DIR_HOLD,
     W_DIR_POLARITY,
     W_DIR_SETUP,
@@ -98,6 +100,7 @@ PHASE_0: Final = R_PHASE_ANGLE[0]
 UPSTREAM_PHASE_0: Final = R_ENCODER_VELOCITY[0]  # of the original, unless ``fixed``
 STEP_0: Final = R_STEP_POSITION[0]
 LAST_STEP: Final = R_STEP_POSITION[-1]
+CURRENT_0: Final = W_CURRENT[0]
 LAST_PHASE: Final = R_PHASE_ANGLE[-1]
 
 
@@ -186,6 +189,7 @@ def status(s: State, address: int, cycle: int) -> int:
         value = motors_mask(s, True)
     elif address == R_BUILD_PARAMETERS:
         value = board.word_bits | INTEGER_BITS << R_BUILD_PARAMETERS_INTEGER_BITS_LSB
+        value |= board.motor_driver << R_BUILD_PARAMETERS_MOTOR_DRIVER_LSB
     elif address == R_BUILD_ID:
         value = BUILD_ID
     else:
@@ -242,6 +246,8 @@ def configuration(board: Any, address: int) -> int:
         value = board.step_polarity
     elif address == W_DIR_POLARITY:
         value = board.direction_polarity
+    elif board.motor_driver and CURRENT_0 <= address < CURRENT_0 + board.motors:
+        value = board.current[address - CURRENT_0]
     return int(value)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.rapcores.registers import MAX_DEPTH, MAX_ENCODERS, MAX_MOTORS
+from pulsewright.boards.rapcores.twin_bridge import BRIDGE
 from pulsewright.boards.rapcores.twin_motor import MOTOR
 from pulsewright.twin.kernel import inlined, kernel
 from pulsewright.twin.recorder import Rows, drive
@@ -28,11 +29,12 @@ ENCODER_PINS: Final = 5
 HALT_DELAY: Final = 1  # the last flop of its synchroniser takes it there
 ENCODER_DELAY: Final = 2  # counted there
 
-# Output pins, by number; then step, dir and enable of each motor.
+# Output pins, by number; then step, dir and enable of each motor, then the legs of its bridges.
 CIPO, BUFFER_DTR, MOVE_DONE = range(3)
 STEP, DIRECTION, ENABLE = range(3)
 MOTOR_PINS: Final = 3
 FIXED_ROWS: Final = 3
+LEGS: Final = 4  # of the two bridges of a motor
 
 LONG: Final = (1 << 32) - 1  # mask of a register
 
@@ -88,7 +90,7 @@ BOARD: Final = np.dtype(
             # fixed
             *("profile", "fixed", "cs_reset_message", "v020_info", "bus_pins"),
             *("motors", "encoders", "word_bits", "word_bytes", "depth", "halt_pin"),
-            "position_bits",
+            *("position_bits", "motor_driver", "phase_pins"),
             *("rst_n", "halt", "in_reset", *STOPS, *CLEARED, *COUNTERS),
             # the word that acts at ``word_at``, the write that a message makes
             *("word_value", "write_address", "write_value", "store_value"),
@@ -111,6 +113,7 @@ BOARD: Final = np.dtype(
         ("directions", np.int64, (MAX_DEPTH,)),
         ("increment", np.int64, (MAX_DEPTH, MAX_MOTORS)),
         ("change", np.int64, (MAX_DEPTH, MAX_MOTORS)),
+        ("current", np.int64, (MAX_MOTORS,)),
     ]
 )
 
@@ -120,6 +123,7 @@ WORLD: Final = np.dtype(
         ("board", BOARD),
         ("spi", SPI),
         ("motors", MOTOR, (MAX_MOTORS,)),
+        ("bridges", BRIDGE, (MAX_MOTORS,)),
         ("encoders", ENCODER, (MAX_ENCODERS,)),
     ]
 )
@@ -147,6 +151,13 @@ class State(NamedTuple):
 def motor_row(i: int, pin: int) -> int:
     """Return the row of a pin of a motor."""
     return FIXED_ROWS + MOTOR_PINS * i + pin
+
+
+@inlined
+def bridge_row(board: Any, i: int) -> int:
+    """Return the row of the first leg of the bridges of a motor."""
+    row: int = FIXED_ROWS + MOTOR_PINS * board.motors + LEGS * i
+    return row
 
 
 @inlined

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from pulsewright.gateware.synth import Implementation, Resources
 
 PLATFORM: Final = "ulx3s"  # with pins for all of pluto_step
-MOTOR_DRIVERS: Final = ("step_dir", "h_bridge")
 # Part of the time that is over when a tool starts.
 _STARTED: Final = {"yosys": 0.0, "nextpnr-ice40": 0.4, "nextpnr-ecp5": 0.4}
 
@@ -259,13 +258,9 @@ def run(
         raise UsageError(f"{encoders} encoders asked; those of {board} are as they are")
     options = {} if encoders is None else {"encoders": encoders}
     if motor_driver is not None:
-        if "motor_driver" not in room.build_parameters:
+        if "motor_driver" not in room.parameters:
             raise UsageError(f"motor driver {motor_driver} asked; {board} has step and direction")
-        if motor_driver not in MOTOR_DRIVERS:
-            raise UsageError(
-                f"no motor driver '{motor_driver}'; there are {' and '.join(MOTOR_DRIVERS)}"
-            )
-        options["motor_driver"] = MOTOR_DRIVERS.index(motor_driver)
+        options |= room.numbers({"motor_driver": motor_driver})
     if verilog:
         if platform is not None or pins is not None:
             raise UsageError("Verilog is written without pads: leave out platform and pins")

@@ -51,7 +51,7 @@ def open_board(
     profile: str | None = ...,
     *,
     record: Path | str | None = ...,
-    **options: int,
+    **options: int | str,
 ) -> RapcoresDriver: ...
 @overload
 def open_board(
@@ -78,7 +78,7 @@ def open_board(
     profile: str | None = ...,
     *,
     record: Path | str | None = ...,
-    **options: int,
+    **options: int | str,
 ) -> Any: ...
 
 
@@ -88,7 +88,7 @@ def open_board(
     profile: str | None = None,
     *,
     record: Path | str | None = None,
-    **options: int,
+    **options: int | str,
 ) -> Any:
     """Open a board behind a link and return its driver. Nothing is sent to the board yet.
 
@@ -102,8 +102,9 @@ def open_board(
         How contradictions in the board's document are resolved; see the README of its room.
     record : Path or str, optional
         File that keeps all that goes over the link, for `pulsewright replay`.
-    **options : int
+    **options : int or str
         Profile switches that differ from the profile, and parameters that the room knows: channels.
+        Some have values with names, such as ``motor_driver="h_bridge"``.
 
     Raises
     ------
@@ -120,13 +121,14 @@ def open_board(
     """
     board = get(name)
     profile = board.default_profile if profile is None else profile
-    board.switches(profile, **options)
+    numbers = board.numbers(options)
+    board.switches(profile, **numbers)
     if baud := links.bit_rate(board, link):
-        options = {"baud1": baud} | options
-    bus: Any = links.open_bus(board, link, profile, options)
+        numbers = {"baud1": baud} | numbers
+    bus: Any = links.open_bus(board, link, profile, numbers)
     if record is not None:
         from pulsewright.transport.recording import Recorder, recorded
 
-        opened = {"board": name, "profile": profile, "options": options, "link": link}
+        opened = {"board": name, "profile": profile, "options": numbers, "link": link}
         bus = recorded(board.bus, bus, Recorder(record, opened | {"clock_hz": bus.clock_hz}))
-    return board.driver(bus, profile, **options)
+    return board.driver(bus, profile, **numbers)

@@ -61,8 +61,8 @@ class Board:
     parameters : frozenset of str
         What a board can be made with besides profile switches: options of ``twin``, ``rtl`` and
         ``driver``.
-    build_parameters : frozenset of str
-        Further parameters of ``gateware`` that a build can be asked for.
+    choices : mapping of str to tuple of str
+        Of parameters whose values have names, those of 0, 1 and so on; see `numbers`.
     parameters_for : callable
         ``parameters_for(motors)`` returns those of a board that can drive so many motors.
     recordings : callable, optional
@@ -85,11 +85,31 @@ class Board:
     motor_pins: tuple[str, str] = ("step{}", "dir{}")
     bus: Literal["epp", "serial", "spi"] = "epp"
     parameters: frozenset[str] = frozenset()
-    build_parameters: frozenset[str] = frozenset()
+    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     parameters_for: Callable[[int], dict[str, int]] = lambda motors: {}
     digital_outputs: bool = True
     sizes: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     recordings: Callable[[], Recordings[Any]] | None = None
+
+    def numbers(self, options: Mapping[str, int | str]) -> dict[str, int]:
+        """Return switches and parameters with numbers in the place of names.
+
+        Raises
+        ------
+        UsageError
+            If there is no such name.
+        """
+        found: dict[str, int] = {}
+        for name, value in options.items():
+            if isinstance(value, str):
+                choices = self.choices.get(name, ())
+                if value not in choices:
+                    known = f"there are {' and '.join(choices)}" if choices else "it is a number"
+                    raise UsageError(f"{self.name}: no {name} '{value}'; {known}")
+                found[name] = choices.index(value)
+            else:
+                found[name] = value
+        return found
 
     def switches(self, profile: str | None = None, **changes: int) -> dict[str, int]:
         """Return the switches of a profile (None: the default one), with ``changes`` made.

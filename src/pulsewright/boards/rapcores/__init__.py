@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pulsewright.transport.spi_bus import SpiBus
 
 PARAMETERS: Final = frozenset(
-    {"motors", "encoders", "word_bits", "depth", "halt_pin", "position_bits"}
+    {"motors", "encoders", "word_bits", "depth", "halt_pin", "position_bits", "motor_driver"}
 )
 
 
@@ -97,7 +97,7 @@ BOARD: Final = Board(
     bus="spi",
     digital_outputs=False,
     parameters=PARAMETERS,
-    build_parameters=frozenset({"motor_driver"}),
+    choices={"motor_driver": ("step_dir", "h_bridge")},
     parameters_for=_parameters_for,
     # a bitstream has one adder for all motors
     sizes={"ice40": {"shared_dda": 1}, "ecp5": {"shared_dda": 1}},

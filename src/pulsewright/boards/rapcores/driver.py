@@ -35,6 +35,7 @@ REGISTER: Final = 0xFFFF_FFFF  # the bits of a register in a word
 MAX_DIVIDER: Final = reg.W_DIVIDER_DIVIDER_MASK
 MAX_TIME: Final = reg.W_STEP_WIDTH_CYCLES_MASK  # of a pulse [cycle]
 DEFAULT_TIME: Final = reg.W_STEP_WIDTH_RESET / reg.CLOCK_HZ  # of the board after reset [s]
+FULL_CURRENT: Final = reg.W_CURRENT_CURRENT_MASK
 POLL: Final = 20e-6  # between two looks at a pin [s]
 ROUNDS: Final = 3  # of waiting for a move that should have ended
 TIMING: Final = {
@@ -163,6 +164,9 @@ class RapcoresDriver(Driver[SpiBus]):
     moves, and disables the motors; `release_estop` undoes both. Without a halt, in profiles
     `upstream` and `v020`, moves that the board has go on with disabled motors.
 
+    With dual H-bridges, the windings of a disabled motor are open, and it coasts, unless
+    `brake_on_disable` has short-circuited them. A halt without a disable holds them as they are.
+
     Parameters
     ----------
     bus : SpiBus
@@ -181,6 +185,8 @@ class RapcoresDriver(Driver[SpiBus]):
         Whether the build has the HALT input, 0 or 1; makes no difference to the driver.
     position_bits : int
         Of an encoder position: 32, or 24 in profile `v020`.
+    motor_driver : int
+        1, in profile `document`: the build has dual H-bridges. 0: step and direction only.
     **switches : int
         Profile switches that differ from the profile.
 
@@ -215,6 +221,7 @@ class RapcoresDriver(Driver[SpiBus]):
         depth: int = reg.DEPTH,
         halt_pin: int = 1,
         position_bits: int = reg.POSITION_BITS,
+        motor_driver: int = 0,
         **switches: int,
     ) -> None:
         self.bus = bus
@@ -223,9 +230,10 @@ class RapcoresDriver(Driver[SpiBus]):
         self.codec = Codec(
             motors=motors, encoders=encoders, word_bits=word_bits, position_bits=position_bits
         )
-        _check_build(profile, word_bits, depth, halt_pin, position_bits)
+        _check_build(profile, word_bits, depth, halt_pin, position_bits, motor_driver)
         self.motors, self.encoders, self.depth = motors, encoders, depth
         self.word_bits, self.position_bits = word_bits, position_bits
+        self.motor_driver = motor_driver
         self.timing = StepTiming()
         self._divider = reg.W_DIVIDER_RESET
         self._enabled = 0
@@ -260,9 +268,13 @@ class RapcoresDriver(Driver[SpiBus]):
         }
         if self.profile == "document":
             parameters, build_id = self._read_all(reg.R_BUILD_PARAMETERS, reg.R_BUILD_ID)
-            has["word_bits"] = decode(reg.MAP["R_BUILD_PARAMETERS"], parameters)["word_bits"]
+            has |= decode(reg.MAP["R_BUILD_PARAMETERS"], parameters)
             has["depth"] = self.buffer().depth
-            asked |= {"word_bits": self.word_bits, "depth": self.depth}
+            asked |= {
+                "word_bits": self.word_bits,
+                "depth": self.depth,
+                "motor_driver": self.motor_driver,
+            }
             if build_id != reg.BUILD_ID:
                 raise BusError(
                     f"rapcores: the board tells build id {build_id:08X}, expected "
@@ -297,8 +309,9 @@ class RapcoresDriver(Driver[SpiBus]):
     ) -> None:
         """Bring the board from any state to a known one: at rest, without moves, motors disabled.
 
-        No counter or fault is left from before. Positions of motors and encoders go on. Profiles
-        `upstream` and `v020` cannot drop the moves that they have.
+        No counter or fault is left from before; currents are 0, and disabled motors coast.
+        Positions of motors and encoders go on. Profiles `upstream` and `v020` cannot drop the moves
+        that they have.
 
         Parameters
         ----------
@@ -328,6 +341,8 @@ class RapcoresDriver(Driver[SpiBus]):
             self._set_timing(timing)
             for name in ("W_BRAKE", "W_STEP_POLARITY", "W_DIR_POLARITY"):
                 self.write_register(name)
+            for motor in range(self.motors * self.motor_driver):
+                self.write_register("W_CURRENT", motor)
             self.clear()
             self._end_halt()
 
@@ -420,16 +435,80 @@ class RapcoresDriver(Driver[SpiBus]):
 
     def enable(self, mask: int) -> None:
         """Enable the motors in a mask, one bit each, and disable the others."""
-        if not 0 <= mask < 1 << self.motors:
-            raise RegisterValueError(
-                f"rapcores: motor mask {mask:#x}; allowed are 0..{(1 << self.motors) - 1:#x} with "
-                f"{self.motors} motors"
-            )
+        self._check_mask(mask)
         if self.profile == "v020":
             self.bus.transfer(self.codec.enable(mask))
         else:
             self._write(reg.W_ENABLE, mask)
         self._enabled = mask
+
+    # ------------------------------------------------------------------------------- H-bridges
+
+    def set_current(self, current: float | Sequence[float]) -> NDArray[np.float64]:
+        """Set how much the windings of motors get; return what the board will really do.
+
+        It is part of the supply voltage, for nothing measures a current: at rest it makes
+        supply / resistance x ``current``. After a reset it is 0, and `initialise` makes it that:
+        motors are not driven before they are told how much, then they are braked while enabled.
+
+        Parameters
+        ----------
+        current : float or sequence of float
+            For all motors or one each, at the top of the sine: 0 to 1, which is 255/256 of the
+            supply; the board has 255 steps.
+
+        Returns
+        -------
+        (motors,) array of float
+            As `currents`.
+
+        Raises
+        ------
+        RegisterValueError
+            If a value is not within those; none is set then.
+        UsageError
+            If there is not one for each motor, or the build has no H-bridges.
+        """
+        self._require_bridges("set_current")
+        asked = np.asarray(current, np.float64)
+        if asked.ndim and asked.shape != (self.motors,):
+            raise UsageError(
+                f"rapcores: currents of shape {asked.shape}; give one for all motors, or "
+                f"{self.motors}, one for each"
+            )
+        values = np.broadcast_to(asked, self.motors)
+        for motor, value in enumerate(values.tolist()):
+            if not 0 <= value <= 1:
+                raise RegisterValueError(
+                    f"rapcores motor {motor}: current {value:g}; allowed are 0 to 1, which is the "
+                    f"whole supply voltage"
+                )
+        for motor, value in enumerate(values.tolist()):
+            self.write_register("W_CURRENT", motor, current=round(value * FULL_CURRENT))
+        return self.currents()
+
+    def currents(self) -> NDArray[np.float64]:
+        """Return what the board has as the current of each motor, 0 to 1; see `set_current`."""
+        self._require_bridges("currents")
+        found = [self.read_register("W_CURRENT", motor) for motor in range(self.motors)]
+        return np.array([fields["current"] for fields in found]) / FULL_CURRENT
+
+    def brake_on_disable(self, mask: int) -> None:
+        """Let the motors in a mask, one bit each, brake while disabled; let the others coast.
+
+        Braked windings are short-circuited: they hold against slow turning only by what the motor
+        makes itself.
+
+        Raises
+        ------
+        RegisterValueError
+            If there is no such motor.
+        UsageError
+            If the build has no H-bridges.
+        """
+        self._require_bridges("brake_on_disable")
+        self._check_mask(mask)
+        self._write(reg.W_BRAKE, mask)
 
     def check_running(self) -> None:
         """Check that motors are enabled and, in profile `document`, that no halt came.
@@ -1027,6 +1106,20 @@ class RapcoresDriver(Driver[SpiBus]):
         if not self.running:
             raise EstopError("rapcores: the motors are not enabled; call release_estop()")
 
+    def _check_mask(self, mask: int) -> None:
+        if not 0 <= mask < 1 << self.motors:
+            raise RegisterValueError(
+                f"rapcores: motor mask {mask:#x}; allowed are 0..{(1 << self.motors) - 1:#x} with "
+                f"{self.motors} motors"
+            )
+
+    def _require_bridges(self, what: str) -> None:
+        if not self.motor_driver:
+            raise UsageError(
+                f"rapcores: {what} is for builds with H-bridges; open the board with "
+                f'motor_driver="h_bridge" if it is one'
+            )
+
     def _require_document(self, what: str) -> None:
         if self.profile != "document":
             raise UsageError(
@@ -1092,7 +1185,7 @@ def count_rates(velocities: Sequence[int], clock_hz: int) -> NDArray[np.float64]
 
 
 def _check_build(
-    profile: str, word_bits: int, depth: int, halt_pin: int, position_bits: int
+    profile: str, word_bits: int, depth: int, halt_pin: int, position_bits: int, motor_driver: int
 ) -> None:
     """Check the parameters of a build that `Codec` does not.
 
@@ -1107,6 +1200,14 @@ def _check_build(
         )
     if halt_pin not in (0, 1):
         raise UsageError(f"rapcores: halt_pin = {halt_pin}; allowed are 0 and 1")
+    if motor_driver not in (0, 1):
+        raise UsageError(
+            f"rapcores: motor_driver = {motor_driver}; allowed are 0 (step_dir) and 1 (h_bridge)"
+        )
+    if profile != "document" and motor_driver:
+        raise UsageError(
+            f"rapcores: motor_driver = 1 in profile '{profile}'; only 'document' has H-bridges"
+        )
     if profile != "document" and (word_bits, depth) != (reg.WORD_BITS, reg.DEPTH):
         raise UsageError(
             f"rapcores: word_bits = {word_bits} and depth = {depth} in profile '{profile}'; it has "

@@ -43,6 +43,7 @@ class Pair:
         self.word_bits = options.get("word_bits", reg.WORD_BITS)
         self.motors = options.get("motors", reg.MOTORS)
         self.encoders = options.get("encoders", reg.ENCODERS)
+        self.bridges = options.get("motor_driver", 0)
 
     def run(self, traffic):
         """Run both from configuration to the end of the traffic; assert that all pins agree.
@@ -76,7 +77,7 @@ class Pair:
         difference = trace.first_difference(of_pins(other, trace.pins))
         assert difference is None, f"twin and gateware: {difference}"
         for pin in trace.pins:
-            name = pin.rstrip("0123456789")
+            name = "phase" if pin.startswith("phase") else pin.rstrip("0123456789")
             edges = trace.edges(pin, 1) if name == "step" else trace[pin]
             seen[name] += len(edges)
         return seen
@@ -278,9 +279,12 @@ def message(random, traffic):
         middle = random.choice((0, 0, random.getrandbits(12) << 8))
         return [header(pair, reg.HEADER_STATUS_READ, random.choice(STATUS) | middle), dummy]
     if kind == "read":
-        return [header(pair, reg.HEADER_CONFIG_READ, random.choice(CONFIGURATION)), dummy]
+        places = CONFIGURATION + reg.W_CURRENT[: (pair.motors + 1) * pair.bridges]
+        return [header(pair, reg.HEADER_CONFIG_READ, random.choice(places)), dummy]
     if kind == "swap":
         address = random.choice((0, 0, 1, 3, 0xC6, 0xC7, 0xC8, 0xFF))
+        if pair.bridges and random.randrange(3):
+            address = random.choice((1, *reg.W_CURRENT[: pair.motors + 1]))
         return swap(pair, address, random.getrandbits(pair.word_bits))
     if kind == "time":
         low = random.choice((*STEP_TIMES, *STEP_TIMES, random.randrange(500)))
@@ -407,6 +411,9 @@ def busy(random, pair, clocks, *, flaws=60, turning=True):
         send(random, traffic, swap(pair, reg.W_ENABLE, random.getrandbits(32)), 0)
         for address in range(reg.W_STEP_WIDTH, reg.W_DIR_HOLD + 1):
             send(random, traffic, swap(pair, address, random.choice((1, 2, 5))), 0)
+        for address in reg.W_CURRENT[: pair.motors * pair.bridges]:
+            current = random.choice((255, random.randrange(256)))
+            send(random, traffic, swap(pair, address, current), 0)
     while traffic.at < clocks:
         flawed = talk(random, traffic, flaws)
         if random.randrange(patience if flawed else rounds) == 0:

@@ -19,6 +19,8 @@ CONFIGURATIONS = {
     "shared": {"motors": 8, "encoders": 8, "shared_dda": 1},
     "shared, short words": {"motors": 3, "encoders": 5, "word_bits": 32, "shared_dda": 1},
     "shared, deep": {"motors": 1, "encoders": 3, "depth": 8, "shared_dda": 1},
+    "bridges": {"motor_driver": 1, "motors": 2, "encoders": 1},
+    "shared bridges": {"motor_driver": 1, "shared_dda": 1, "word_bits": 32},
     "frames": {"cs_reset_message": 0, "motors": 2, "encoders": 1},
     "info": {"v020_info": 1, "motors": 2},
     "no halt": {"halt_pin": 0, "motors": 3},
@@ -79,11 +81,15 @@ LEAST = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["document", "shared", "fixed", "v020"])
+WITH_BRIDGES = {"en": 2, "phase": 4000}  # two motors
+
+
+@pytest.mark.parametrize("name", ["document", "shared", "bridges", "fixed", "v020"])
 def test_gateware_matches_the_twin_in_busy_traffic(name):
     both = pair(name)
     cycles = 1_000_000 if both.profile == "document" else 2_000_000
-    assert_busy(both.run(busy(Random(9), both, cycles)), LEAST[both.profile])
+    least = LEAST[both.profile] | (WITH_BRIDGES if both.bridges else {})
+    assert_busy(both.run(busy(Random(9), both, cycles)), least)
 
 
 @pytest.mark.campaign

@@ -250,6 +250,8 @@ def test_an_open_word_is_completed_byte_by_byte():
         ({"profile": "upstream", "word_bits": 32}, "word_bits = 32 and depth = 2 in profile 'up"),
         ({"profile": "v020", "depth": 4}, "depth = 4 in profile 'v020'"),
         ({"position_bits": 24}, "position_bits = 24 in profile 'document'; it has 32"),
+        ({"motor_driver": 2}, r"motor_driver = 2; allowed are 0 \(step_dir\) and 1 \(h_bridge\)"),
+        ({"profile": "v020", "motor_driver": 1}, "only 'document' has H-bridges"),
         ({"fixed": 2}, "profile switch fixed = 2"),
         ({"profile": "x"}, "no profile 'x'"),
     ],
@@ -357,6 +359,78 @@ def test_motors_are_enabled_by_a_mask():
     for mask in (-1, 16):
         with pytest.raises(RegisterValueError, match=r"allowed are 0\.\.0xf with 4 motors"):
             driver.enable(mask)
+
+
+def with_bridges():
+    """Return a board with H-bridges and its driver."""
+    board = Board()
+    board.status[0xFE] = 0x12040
+    return board, RapcoresDriver(board, motor_driver=1)
+
+
+def test_currents_are_parts_of_the_full_scale():
+    board, driver = with_bridges()
+    assert driver.set_current(1).tolist() == [1.0] * 4
+    assert [board.config[0xD0 + motor] for motor in range(4)] == [255] * 4
+    # 0.3 x 255 = 76.5, 0.7 x 255 = 178.5, to even; 0.001 x 255 = 0.26
+    told = driver.set_current([0, 0.001, 0.3, 0.7])
+    assert [board.config[0xD0 + motor] for motor in range(4)] == [0, 0, 76, 178]
+    assert told.tolist() == driver.currents().tolist() == [0, 0, 76 / 255, 178 / 255]
+
+
+@pytest.mark.parametrize("value", [-0.01, 1.01, float("nan"), float("inf")])
+def test_a_current_out_of_range_sets_none(value):
+    board, driver = with_bridges()
+    driver.set_current(0.5)
+    with pytest.raises(RegisterValueError, match=r"motor 2: current \S+; allowed are 0 to 1"):
+        driver.set_current([0, 0, value, 0])
+    assert [board.config[0xD0 + motor] for motor in range(4)] == [128] * 4
+    with pytest.raises(UsageError, match="give one for all motors, or 4, one for each"):
+        driver.set_current([0.5] * 3)
+
+
+def test_motors_brake_or_coast_while_disabled():
+    board, driver = with_bridges()
+    driver.brake_on_disable(0b0101)
+    assert board.config[0x01] == 0b0101
+    with pytest.raises(RegisterValueError, match=r"motor mask 0x10; allowed are 0\.\.0xf"):
+        driver.brake_on_disable(0x10)
+
+
+def test_initialise_leaves_no_current_and_no_brake():
+    board, driver = with_bridges()
+    driver.set_current(1)
+    driver.brake_on_disable(0xF)
+    driver.initialise()
+    assert [board.config[at] for at in (0x01, *range(0xD0, 0xD4))] == [0] * 5
+
+
+def test_estop_and_halt_leave_currents():
+    board, driver = with_bridges()
+    driver.initialise()
+    driver.set_current(0.4)
+    driver.release_estop()
+    driver.estop()
+    assert board.config[0x00] == 0
+    assert driver.currents().tolist() == [0.4] * 4  # 102 of 255
+
+
+def test_only_builds_with_bridges_have_currents():
+    board, driver = opened()
+    for call in (
+        lambda: driver.set_current(0),
+        driver.currents,
+        lambda: driver.brake_on_disable(0),
+    ):
+        with pytest.raises(UsageError, match='open the board with motor_driver="h_bridge"'):
+            call()
+    board.status[0xFE] = 0x12040
+    with pytest.raises(BusError, match="motor_driver = 1, the driver was opened for 0"):
+        driver.identify()
+    _, driver = with_bridges()
+    driver.bus.status[0xFE] = 0x2040
+    with pytest.raises(BusError, match="motor_driver = 0, the driver was opened for 1"):
+        driver.identify()
 
 
 def test_leaving_the_context_stops_the_board_and_releases_the_link():

@@ -37,6 +37,7 @@ def turn(board, encoder, counts, start, period=200):
         {"motors": 32, "encoders": 64},
         {"cs_reset_message": 0},
         {"v020_info": 1},
+        {"motor_driver": 1},
         {"profile": "upstream"},
         {"profile": "upstream", "fixed": 1},
         {"profile": "v020"},
@@ -65,6 +66,42 @@ def test_another_build_is_refused():
     board = open_board("rapcores", word_bits=32)
     with pytest.raises(BusError, match=r"build id 01000300, .* with word_bits=32"):
         type(board)(board.bus).identify()
+
+
+def test_windings_get_current_when_they_are_enabled_and_told_how_much():
+    """Legs of A in the middle of periods: 512 cycles from 255 on, 3 late; see the README."""
+    board = open_board("rapcores", motor_driver="h_bridge", motors=2)
+    with pytest.raises(UsageError, match="no motor_driver 'bridge'; there are step_dir and h_br"):
+        open_board("rapcores", motor_driver="bridge")
+    with pytest.raises(UsageError, match="no motors 'two'; it is a number"):
+        open_board("rapcores", motors="two")
+    twin = board.bus.twin
+
+    def legs():
+        """Return both legs of winding A of each motor around the middle of a period."""
+        middle = 255 + 512 * ((twin.now - 255) // 512 + 3) + 3 + 256
+        twin.advance(middle)
+        pins = [f"phase{motor}_a{leg}" for motor in range(2) for leg in (1, 2)]
+        return [twin.level(pin) for pin in pins]
+
+    board.initialise()
+    assert legs() == [0, 0, 0, 0]
+    board.release_estop()
+    assert legs() == [1, 1, 1, 1]  # no current: braked
+    assert board.set_current([1, 0]).tolist() == [1, 0]
+    one = board.one_step
+    board.move(257, [one - 1, 0])  # ends at 256, the top of A
+    board.wait_idle()
+    assert board.read_register("R_PHASE_ANGLE") == {"angle": 256}
+    assert legs() == [1, 0, 1, 1]
+    board.move(512, [-one, 0])
+    board.wait_idle()
+    assert legs() == [0, 1, 1, 1]
+    board.brake_on_disable(0b10)
+    board.estop()
+    assert legs() == [0, 0, 1, 1]
+    board.release_estop()
+    assert legs() == [0, 1, 1, 1]
 
 
 def test_registers_are_what_was_written():

@@ -98,8 +98,8 @@ class RapcoresTwin(Twin):
     bus_pins : bool
         Record the pin ``cipo``. Frames are sent bit by bit then, which takes far longer.
     phase_pins : int
-        0: pins of dual H-bridges are not recorded, and stay 0. Those of a motor that is driven change
-        125 000 times a second, whether it moves or not.
+        0: pins of dual H-bridges are not recorded, and stay 0. Those of a motor that is driven
+        change 125 000 times a second, whether it moves or not.
     **switches : int
         Switches that differ from the profile; see the register map.
 

@@ -24,10 +24,10 @@ ROOM = "pulsewright.boards.rapcores.gateware"
 SPI = "pulsewright.gateware.spi"
 DOCUMENT, COMPACT, ORIGINAL = f"{ROOM}_document", f"{ROOM}_compact", f"{ROOM}_original"
 ENCODER, MOTION, PULSE = f"{ROOM}_encoder", f"{ROOM}_motion", f"{ROOM}_pulse"
-SHARED, REGISTERS = f"{ROOM}_shared", f"{ROOM}_registers"
+SHARED, REGISTERS, BRIDGE = f"{ROOM}_shared", f"{ROOM}_registers", f"{ROOM}_bridge"
 # Each after those it takes parts from.
 MODULES = (
-    *(SPI, ENCODER, MOTION, PULSE, SHARED, REGISTERS),
+    *(SPI, ENCODER, MOTION, PULSE, SHARED, REGISTERS, BRIDGE),
     *(DOCUMENT, COMPACT, ORIGINAL, ROOM),
 )
 GOLDEN = Path(__file__).parents[1] / "golden" / "rapcores"
@@ -97,6 +97,24 @@ SHARED_FAULTS = {
     "the first tick of a move as any other": (SHARED, "Mux(self.first, first, total)", "total"),
     "words that arrive late are not seen": (COMPACT, "| (~sequencer.run & arrived)", ""),
 }  # fmt: skip
+BRIDGE_FAULTS = {
+    "B is a sine, too": (BRIDGE, "(phase[-2] ^ winding_b).replicate", "phase[-2].replicate"),
+    "B has the sign of A": (BRIDGE, "phase[-1] ^ (phase[-2] & winding_b)", "phase[-1]"),
+    "half a cycle is cut off": (BRIDGE, "half = 1 << (CUT_BITS - 1)", "half = 0"),
+    "a pulse a cycle to the left": (BRIDGE, "Cat(~position[-1], Mux", "Cat(position[-1], Mux"),
+    "motors in the other order": (BRIDGE, "SLOTS - self._motors + n", "SLOTS - 1 - n"),
+    "A and B the other way round": (BRIDGE, "LEGS[n % 2 * 2 :]", "LEGS[2 - n % 2 * 2 :]"),
+    "legs the other way round": (BRIDGE, "driven & ~negative", "driven & negative"),
+    "brakes without being asked": (BRIDGE, "& negative), brake)", "& negative), 1)"),
+    "a current of all motors": (
+        DOCUMENT, "bridges.current.eq(current)", "bridges.current.eq(self._current[0])",
+    ),
+    "disabled motors are driven": (DOCUMENT, "bridges.en.eq(self.en)", "bridges.en.eq(~0)"),
+}  # fmt: skip
+SHARED_BRIDGE_FAULTS = {
+    "owed steps stay in phases": (COMPACT, "counted - Mux(take, owed, 0)", "counted"),
+    "phases go up only": (COMPACT, "Cat(1, registers.down[n]).as_signed()", "1"),
+}  # fmt: skip
 
 
 @contextmanager
@@ -140,7 +158,7 @@ def test_recordings_find(fault):
 
 def differs(component, **options):
     """Say whether gateware and twin differ in one of some runs of random traffic."""
-    pair = Pair(component, motors=1, encoders=1, **options)
+    pair = Pair(component, **({"motors": 1, "encoders": 1} | options))
     for seed in range(20):
         try:
             pair.run(busy(Random(seed), pair, SIZE, flaws=100))
@@ -161,5 +179,18 @@ def test_comparison_finds_with_shared_arithmetic(fault):
         assert differs(component, shared_dda=1)
 
 
+@pytest.mark.parametrize("fault", BRIDGE_FAULTS)
+def test_comparison_finds_in_bridges(fault):
+    with boards(BRIDGE_FAULTS[fault]) as component:
+        assert differs(component, motors=2, motor_driver=1)
+
+
+@pytest.mark.parametrize("fault", SHARED_BRIDGE_FAULTS)
+def test_comparison_finds_in_bridges_with_shared_arithmetic(fault):
+    with boards(SHARED_BRIDGE_FAULTS[fault]) as component:
+        assert differs(component, shared_dda=1, motor_driver=1)
+
+
 def test_nothing_differs_without_a_fault():
     assert not differs(gateware.Rapcores)
+    assert not differs(gateware.Rapcores, motors=2, motor_driver=1)

@@ -5,10 +5,12 @@ from unittest.mock import patch
 
 import pytest
 import test_rapcores_twin as vectors
+import test_rapcores_twin_bridge as windings
 from faults import interpreted
 
 ROOM = "pulsewright.boards.rapcores"
 MOTOR, SPI, KERNEL = f"{ROOM}.twin_motor", f"{ROOM}.twin_spi", f"{ROOM}.twin_kernel"
+BRIDGE = f"{ROOM}.twin_bridge"
 MESSAGE, ORIGINAL, STATE = f"{ROOM}.twin_message", f"{ROOM}.twin_original", f"{ROOM}.twin_state"
 
 # Where, what is there, what comes in its place, and the test that finds it.
@@ -100,6 +102,66 @@ FAULTS = {
         "FLAG: Final = 4",
         "FLAG: Final = 5",
         vectors.test_10_a_move_of_no_time,
+    ),
+    "a period begins a cycle late": (
+        BRIDGE,
+        "LATENCY: Final = 2",
+        "LATENCY: Final = 3",
+        partial(windings.test_windings_are_driven_in_the_middle_of_periods, 128, 100, 142, 141),
+    ),
+    "half a cycle is cut off": (
+        BRIDGE,
+        "HALF: Final = SCALE // 2",
+        "HALF: Final = 0",
+        partial(windings.test_windings_are_driven_in_the_middle_of_periods, 128, 100, 142, 141),
+    ),
+    "B has the sign of A": (
+        BRIDGE,
+        "phase = bridge.samples[period - 1 & KEPT - 1] + winding * TURN // 4",
+        "phase = bridge.samples[period - 1 & KEPT - 1]",
+        partial(windings.test_windings_are_driven_in_the_middle_of_periods, 384, 100, 141, -142),
+    ),
+    "motors are looked at one after the other too soon": (
+        BRIDGE,
+        "LOOK: Final = 16",
+        "LOOK: Final = 17",
+        partial(windings.test_a_motor_is_looked_at_once_in_a_frame, 2, 1, 496),
+    ),
+    "a tick is seen in its own cycle": (
+        BRIDGE,
+        "(cycle - 1 - first) // period + 1",
+        "(cycle - first) // period + 1",
+        partial(windings.test_windings_follow_any_motion, 1, 1),
+    ),
+    "increments that wrap are summed up": (
+        BRIDGE,
+        "if wraps or not",
+        "if not",
+        partial(windings.test_windings_follow_any_motion, 1, 1),
+    ),
+    "windings follow enable a cycle late": (
+        BRIDGE,
+        "bridge.change_at = cycle + 1",
+        "bridge.change_at = cycle + 2",
+        partial(windings.test_without_enable_windings_are_open_or_braked, 0, windings.COAST),
+    ),
+    "a motor that is off is looked at too late": (
+        BRIDGE,
+        "// PWM_CYCLES - KEPT, 0)",
+        "// PWM_CYCLES, 0)",
+        partial(windings.test_a_motor_that_moved_while_it_was_off_is_where_it_is, 32),
+    ),
+    "owed steps are taken back a cycle early in windings": (
+        KERNEL,
+        "advance_bridge(s, i, cycle + 1, motor.done)",
+        "pass",
+        partial(windings.test_owed_steps_are_there_up_to_the_first_halted_cycle, 0, 194),
+    ),
+    "a current outlives a reset": (
+        KERNEL,
+        "board.current[i] = 0",
+        "pass",
+        windings.test_currents_are_registers_of_8_bits_that_are_0_at_first,
     ),
 }
 

@@ -187,7 +187,36 @@ def test_a_halt_takes_owed_steps_back_from_windings_too():
     assert pulse(host, "b", period)[1:] == (200, 1)
 
 
+@pytest.mark.parametrize(("late", "on"), [(0, 194), (1, 2)])
+def test_owed_steps_are_there_up_to_the_first_halted_cycle(late, on):
+    """HALT low at c: the last tick is in c + 1, owed steps are taken back in c + 2."""
+    host = board()
+    host.times(100, 100, 1, 1)
+    f = FIRST + 496 - 2 - late - 68  # the 64th tick in c + 1, f + 6 was the first
+    host.move(1000, (-U, 0), at=start_for(host, 4, f))
+    halt = host.f + 68
+    assert (halt + 2 + late - FIRST) % FRAME == 496
+    host.twin.schedule(halt, "halt", 0)
+    host.wait(2000)
+    assert host.twin.positions() == [-1]
+    # phase 960: 4095 sin(22.32 deg) = 1555.4, x 255 / 2048 = 193.6; phase 1023: 1.6
+    assert pulse(host, "a", (halt - FIRST) // FRAME + 1)[1:] == (on, -1)
+
+
 # ------------------------------------------------------------------------------- enable and brake
+
+
+@pytest.mark.parametrize("motors", [1, 32])
+def test_a_motor_that_moved_while_it_was_off_is_where_it_is(motors):
+    """Also the first of 32, which has been looked at for the next period before this begins."""
+    host = board(motors, currents=(100,), enable=0)
+    host.move(129, *[(U - 1, 0)] * motors)
+    # enabled before the pulse of a period, long after
+    host.send(0xF2 << 56, 1, at=start_for(host, 2, FIRST + BEGIN + 100) + 20 * FRAME)
+    host.wait(2 * FRAME)
+    middle = host.f - 100 + 256
+    levels = winding(host, "a", range(middle - 90, middle + 90))
+    assert levels == [BRAKE] * (90 - 71) + [FORWARDS] * 142 + [BRAKE] * (90 - 71)
 
 
 @pytest.mark.parametrize(("brake", "off"), [(0, COAST), (1, BRAKE)])

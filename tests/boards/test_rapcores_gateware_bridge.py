@@ -237,6 +237,25 @@ def test_pulses_on_the_board_follow_the_step_position(shared):
     assert all(old[0] <= new[0] and old[1] >= new[1] for old, new in pairwise(lengths))
 
 
+@pytest.mark.parametrize("shared", [0, 1])
+def test_a_halt_takes_owed_steps_back_from_windings_too(shared):
+    host = board(shared)
+    host.write(0xD0, 100)
+    host.write(0, 1)
+    for address in (0xC0, 0xC1):
+        host.write(address, 1000)  # a step every 2000 cycles, and ticks every 41
+    host.send(MOVE, 1000, -U, 0, 0, 0)
+    host.pin(host.fell + 2100, "halt", 0)
+    host.run(host.fell + 5000)
+    assert host.status(0xC0) == 2**64 - 2  # two pulses, of 51 steps
+    end = host.free + 3 * FRAME
+    host.run(end)
+    period = (end - RELEASED - BEGIN) // FRAME - 1
+    a, b = (pulse(legs, period) for legs in legs_of(host, 0, RELEASED, end))
+    # phase 1022: 4095 sin(0.53 deg) = 37.7, x 100 / 2048 = 1.86; cosine 4094.8
+    assert (a[1] * a[2], b[1] * b[2]) == (-2, 200)
+
+
 def test_nothing_is_driven_before_the_host_asks():
     host = board()
     host.run(READY + 2 * FRAME)

@@ -270,7 +270,17 @@ def any_moves(rng):
     return moves
 
 
-@pytest.mark.parametrize("make", [near_turn, any_moves])
+def even_moves(rng):
+    """Return moves of even speed, of which a step is a whole number of ticks, or nearly so."""
+    moves = [(1, rng.randrange(-UNIT, UNIT), 0)]  # from anywhere
+    for _ in range(rng.randrange(1, 4)):
+        ticks = rng.choice((1, 2, 3, 4, 7, 8, 64, 1000, rng.randrange(2, 50)))
+        speed = min(UNIT // ticks + rng.randrange(-2, 3), UNIT - 1)
+        moves.append((rng.choice((30, 300, 3000)), rng.choice((1, -1)) * speed, 0))
+    return moves
+
+
+@pytest.mark.parametrize("make", [near_turn, any_moves, even_moves])
 def test_steps_are_at_the_tick_that_crosses(make):
     """Also where ticks are skipped up to a turn at the very edge of a step."""
     rng = random.Random(5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,18 +51,19 @@ class InputPins:
         UsageError
             If a pin is unknown, a level not possible or a cycle over.
         """
-        events = np.empty((len(np.atleast_1d(np.asarray(cycles))), 3), np.int64)
-        events[:, 0] = cycles
-        events[:, 1] = self._numbers(pins)
-        events[:, 2] = levels
+        cycle = np.atleast_1d(np.asarray(cycles))
+        pin, level = np.atleast_1d(self._numbers(pins)), np.atleast_1d(np.asarray(levels))
+        events = np.empty((len(cycle), 3), np.int64)
+        for column, values in zip(events.T, (cycle, pin, level), strict=True):
+            column[:] = values
         if len(events):
-            self._check(events, done)
+            self._check(cycle, pin, level, done)
         return events
 
     def _numbers(self, pins: str | Sequence[str] | ArrayLike) -> NDArray[np.int64]:
         array = np.asarray(pins)
         if array.dtype.kind != "U":
-            return array.astype(np.int64)
+            return array.astype(np.int64, copy=False)
         names, place = np.unique(array, return_inverse=True)
         unknown = [str(name) for name in names if str(name) not in self._number]
         if unknown:
@@ -70,8 +72,10 @@ class InputPins:
             )
         return np.array([self._number[str(name)] for name in names], np.int64)[place]
 
-    def _check(self, events: NDArray[np.int64], done: int) -> None:
-        cycle, pin, level = events.T
+    def _check(
+        self, cycle: NDArray[Any], pin: NDArray[np.int64], level: NDArray[Any], done: int
+    ) -> None:
+        """Check changes, of which pins and levels may be one for all."""
         if cycle.min() <= done:
             raise UsageError(
                 f"{self.twin}: an input change at cycle {cycle.min()}, but that is over; cycles "
@@ -84,6 +88,7 @@ class InputPins:
             )
         if level.min() >= 0 and level.max() <= self._most.min():  # as nearly always
             return
+        pin, level = (np.broadcast_to(part, len(cycle)) for part in (pin, level))
         wrong = np.flatnonzero((level < 0) | (level > self._most[pin]))
         if len(wrong):
             first = int(wrong[0])

@@ -127,17 +127,19 @@ class Recorder:
             False: the trace looks into the buffers and is valid until they are written to again.
         """
         rows = self.rows
-        cycles = []
-        for row, (first, _, used, _) in enumerate(rows.pins.tolist()):
+        cycles, kept = [], []
+        for first, _, used, _ in rows.pins.tolist():
             if not used:  # as most pins are in a short time
                 cycles.append(_NONE)
+                kept.append(0)
                 continue
             late = int(rows.cycles[first + used - 1] == end)
             whole = rows.cycles[first : first + used - late]
             cycles.append(whole.copy() if copy or late else whole)
             if late:
                 rows.cycles[first] = end
-            rows.pins["used"][row] = late
+            kept.append(late)
+        rows.pins["used"] = kept
         trace = EdgeTrace(self._clock_hz, self.pins, self._initial, tuple(cycles), self._start, end)
         self._start, self._initial = end, trace.final()
         rows.full[0] = 0

@@ -357,7 +357,7 @@ class RapcoresTwin(Twin):
 
     def _queue(self, events: NDArray[np.int64]) -> None:
         board = self._board
-        events[:, 0] += self._delay[events[:, 1]]
+        events[:, 0] += self._delay.take(events[:, 1])
         self._s = self._s._replace(queue=merged(self._s.queue[int(board["head"]) :], events))
         board["head"] = board["next_event"] = 0
         self._locate()

@@ -31,6 +31,8 @@ FEW: Final = 4  # steps: fewer are no train
 STEEP: Final = 1 << 55  # more change per tick is run tick by tick, so that nothing can wrap
 FASTEST: Final = (1 << 63) - (1 << 58)  # as are faster increments
 MARGIN: Final = 1.0 - 2.0**-20  # of the bound, far more than its rounding where a root is near 0
+ROUNDING: Final = 2.0**-40  # far more than that of a quotient or two
+ONE: Final = 2.0**63  # one step
 
 # DDA: ``done`` ticks of the present piece of a move are integrated. Pulse former: cycles before
 # ``shown`` are done; ``delta``, a step that it sees in cycle ``seen``; ``backlog``, steps owed;
@@ -90,6 +92,15 @@ def moved(ticks: int, speed: int, gain: int) -> int:
     pairs = (ticks >> 1) * (ticks - 1 | 1)  # ticks * (ticks - 1) / 2, of 2^32 ticks too
     total: int = ticks * speed + pairs * gain
     return total
+
+
+@inlined
+def at_least(speed: int) -> int:
+    """Return a number of ticks of that speed, at least 1, that are less than a step; or 0.
+
+    It is the greatest, or one less where that is near a whole number.
+    """
+    return int(ONE / float(speed) * (1.0 - ROUNDING))
 
 
 @hot
@@ -207,16 +218,53 @@ def run_ahead(
     elif gain > 0:
         left = min(left, (FASTEST - speed) // gain)
     # so many ticks do not wrap, wherever they begin
-    most = FRACTION // max(speed, speed + (left - 1) * gain, 1)
+    most = at_least(max(speed, speed + (left - 1) * gain, 1))
     crossed, missed, guess, tries = 0, 0, 0, 2
+    if gain == 0 and speed > 0:
+        # even speed: all steps but perhaps the last one, and the ticks behind them
+        most += 1 if most * speed <= FRACTION - speed else 0
+        span = min(left, (end - 3 - width - first) // period + 1 - done)
+        steps = (float(span) * float(speed) + float(short)) / ONE + MARGIN
+        count = min(int(max(steps, 0.0)), (room - at) // 2)
+        if simple and count >= FEW and most * period >= width + times.low:
+            n = int(-float(short) / float(speed) * MARGIN)
+            total = short + n * speed
+            while total < 0:
+                total += speed
+                n += 1
+            cycle = first + (done + n - 1) * period + 2
+            if low <= cycle:
+                jump, nearly = most * period, most * speed
+                for _ in range(count - 1):  # without branches, which could not be predicted
+                    short = total ^ STEP
+                    cycles[at] = cycle
+                    cycles[at + 1] = cycle + width
+                    at += 2
+                    total = short + nearly
+                    late = total >> SIGN
+                    total += speed & late
+                    cycle += jump + (period & late)
+                short = total ^ STEP
+                cycles[at] = cycle
+                cycles[at + 1] = cycle + width
+                at += 2
+                low = cycle + width + times.low
+                crossed, guess = count, most - 1
+                count = (cycle - first - 2) // period + 1 - done
+                done += count
+                left -= count
+                if left <= most and short + left * speed < 0:
+                    short += left * speed
+                    done += left
+                    left = 0
     while left > 0:
         if at > begin and tries and left > 2 * FEW * guess:
             # a train: from each step to the next it is ``fewest`` ticks, or up to two more
             cycle = cycles[at - 2]
             span = min(left, (end - 1 - width - cycle) // period) >> 2 * (2 - tries)
             last = speed + span * gain
-            fewest = FRACTION // max(speed - gain, last, speed)
-            longest = FRACTION // max(min(speed, last), 1) + 1
+            fewest = at_least(max(speed - gain, last, speed))
+            longest = int(ONE / float(max(min(speed, last), 1)) * (1.0 + ROUNDING)) + 1
             count = min(span // longest, (room - at) // 2)
             if longest > fewest + 2:
                 tries -= 1

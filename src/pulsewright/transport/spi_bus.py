@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from functools import lru_cache
 from typing import Final, Protocol
 
 from pulsewright.errors import UsageError
@@ -18,6 +19,7 @@ CS_HIGH: Final = 6  # between frames on links to twins, at least [cycle]
 RESET_PULSE: Final = 8  # at rst_n [cycle]
 
 
+@lru_cache(256)
 def frame_cycles(length: int, half: int = HALF_PERIOD) -> int:
     """Return how long a frame of ``length`` bytes takes on a link to a twin [cycle].
 

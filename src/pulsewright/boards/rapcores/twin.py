@@ -247,13 +247,13 @@ class RapcoresTwin(Twin):
                 return None
             if place <= count:
                 self._grow()
-        return self._bytes[:length].tobytes()
+        return bytes(self._bytes[:length])
 
     def _make_words(self, count: int) -> None:
         """Make room for the words of a frame, which are also its bytes."""
         size = np.int64 if self.word_bits == WORD_BITS else np.int32
-        self._words = np.zeros(count, size)
-        self._bytes = self._words.data.cast("B")
+        self._bytes = bytearray(count * self._word_bytes)
+        self._words = np.frombuffer(self._bytes, size)
         self._locate()
 
     def _locate(self) -> None:
@@ -357,7 +357,10 @@ class RapcoresTwin(Twin):
 
     def _queue(self, events: NDArray[np.int64]) -> None:
         board = self._board
-        events[:, 0] += self._delay.take(events[:, 1])
+        if len(events) and events[:, 1].min() >= layout.ENCODER_PINS:
+            events[:, 0] += layout.ENCODER_DELAY
+        else:
+            events[:, 0] += self._delay[events[:, 1]]
         self._s = self._s._replace(queue=merged(self._s.queue[int(board["head"]) :], events))
         board["head"] = board["next_event"] = 0
         self._locate()

@@ -97,6 +97,18 @@ FAULTS = {
         "speed += fewest",
         vectors.test_steps_follow_the_ticks_that_cross_them,
     ),
+    "an even train goes on too far": (
+        MOTOR,
+        "/ ONE + MARGIN",
+        "/ ONE + 1.5",
+        vectors.test_steps_follow_the_ticks_that_cross_them,
+    ),
+    "every step of an even train is as long": (
+        MOTOR,
+        "cycle += jump + (period & late)",
+        "cycle += jump",
+        vectors.test_steps_follow_the_ticks_that_cross_them,
+    ),
     "a word acts one cycle late": (
         SPI,
         "FLAG: Final = 4",
@@ -117,8 +129,8 @@ FAULTS = {
     ),
     "B has the sign of A": (
         BRIDGE,
-        "phase = bridge.samples[period - 1 & KEPT - 1] + winding * TURN // 4",
-        "phase = bridge.samples[period - 1 & KEPT - 1]",
+        "return (0 if phase & TURN // 2",
+        "return (0 if sample & TURN // 2",
         partial(windings.test_windings_are_driven_in_the_middle_of_periods, 384, 100, 141, -142),
     ),
     "motors are looked at one after the other too soon": (
@@ -129,8 +141,8 @@ FAULTS = {
     ),
     "a tick is seen in its own cycle": (
         BRIDGE,
-        "(cycle - 1 - first) // period + 1",
-        "(cycle - first) // period + 1",
+        "due, late = (cycle - 1 - first)",
+        "due, late = (cycle - first)",
         partial(windings.test_windings_follow_any_motion, 1, 1),
     ),
     "increments that wrap are summed up": (

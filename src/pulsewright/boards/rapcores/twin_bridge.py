@@ -24,7 +24,7 @@ from pulsewright.boards.rapcores.registers import (
 from pulsewright.boards.rapcores.twin_motor import FRACTION, STEEP, run_tick
 from pulsewright.twin.clock import NEVER
 from pulsewright.twin.kernel import hot, inlined, kernel
-from pulsewright.twin.recorder import RESERVE, Rows, drive, toggle
+from pulsewright.twin.recorder import NEARLY_FULL, RESERVE, Rows, drive, toggle
 
 LEGS: Final = ("a1", "a2", "b1", "b2")
 TURN: Final = R_PHASE_ANGLE_ANGLE_MASK + 1  # phases of an electrical cycle
@@ -84,20 +84,28 @@ def period_at(bridge: Any, edge: int) -> int:
 
 
 @inlined
-def low_leg(bridge: Any, period: int, winding: int) -> int:
-    """Return the leg that is low in a pulse of a winding: 1, or 0 where it is driven backwards."""
-    phase = bridge.samples[period - 1 & KEPT - 1] + winding * TURN // 4
-    return 0 if phase & TURN // 2 else 1
+def pulse(bridge: Any, period: int, winding: int) -> tuple[int, int, int]:
+    """Return the pulse of a winding: the leg that is low, its first edge, the first one after it.
+
+    The leg is 1, or 0 where the winding is driven backwards.
+    """
+    sample = bridge.samples[period - 1 & KEPT - 1]
+    phase = sample + winding * TURN // 4
+    on = (SINE[phase & TURN - 1] * (sample // TURN) + HALF) // SCALE
+    start = bridge.origin + LATENCY + period * PWM_CYCLES + PWM_CYCLES // 2 - on // 2
+    return (0 if phase & TURN // 2 else 1), start, start + on
 
 
 @inlined
-def pulse(bridge: Any, period: int, winding: int) -> tuple[int, int]:
-    """Return the first edge of the pulse of a winding, and the first one after it."""
-    sample = bridge.samples[period - 1 & KEPT - 1]
-    height = SINE[sample + winding * TURN // 4 & TURN - 1]
-    on = (height * (sample // TURN) + HALF) // SCALE
-    start = bridge.origin + LATENCY + period * PWM_CYCLES + PWM_CYCLES // 2 - on // 2
-    return start, start + on
+def write_pulse(rows: Rows, row: int, start: int, stop: int) -> None:
+    """Write a whole pulse of a high pin."""
+    pin = rows.pins[row]
+    at = pin.first + pin.used
+    rows.cycles[at] = start
+    rows.cycles[at + 1] = stop
+    pin.used += 2
+    if pin.room - pin.used < NEARLY_FULL:
+        rows.full[0] = 1
 
 
 @kernel
@@ -108,16 +116,15 @@ def apply(bridge: Any, rows: Rows, row: int) -> None:
     bridge.change_at = NEVER
     period = period_at(bridge, edge)
     for winding in range(2):
-        start, end = pulse(bridge, period, winding)
+        low, start, end = pulse(bridge, period, winding)
         inside = bridge.drive == DRIVEN and start <= edge < end
-        low = low_leg(bridge, period, winding)
         for leg in range(2):
             level = 0 if bridge.drive == OFF or (inside and leg == low) else 1
             drive(rows, row + 2 * winding + leg, level, edge)
     bridge.shown = edge + 1
 
 
-@kernel
+@hot
 def show(bridge: Any, end: int, rows: Rows, row: int) -> bool:
     """Write edges before ``end``, of which the samples must be there; False if a buffer is full."""
     while bridge.shown < end:
@@ -133,13 +140,16 @@ def show(bridge: Any, end: int, rows: Rows, row: int) -> bool:
             period = period_at(bridge, first)
             until = min(until, bridge.origin + LATENCY + (period + 1) * PWM_CYCLES)
             for winding in range(2):
-                start, stop = pulse(bridge, period, winding)
-                leg = row + 2 * winding + low_leg(bridge, period, winding)
-                if start < stop:
-                    if first <= start < until:
-                        toggle(rows, leg, start)
-                    if first <= stop < until:
-                        toggle(rows, leg, stop)
+                leg, start, stop = pulse(bridge, period, winding)
+                leg += row + 2 * winding
+                if start == stop:
+                    continue
+                if first <= start and stop < until:
+                    write_pulse(rows, leg, start, stop)
+                elif first <= start < until:
+                    toggle(rows, leg, start)
+                elif first <= stop < until:
+                    toggle(rows, leg, stop)
         bridge.shown = until
     return True
 
@@ -203,6 +213,8 @@ def advance(
     """
     bridge.position, bridge.fraction, bridge.done = motor.position, motor.fraction, motor.done
     bridge.increment, bridge.change = motor.increment, motor.change
+    due = late = -1  # ticks before the cycle of a sample, and cycles since the last one
+    whole, rest = PWM_CYCLES // period, PWM_CYCLES % period
     while True:
         frame = bridge.origin + bridge.taken * PWM_CYCLES
         cycle = frame + bridge.offset
@@ -213,8 +225,13 @@ def advance(
         if bridge.drive != DRIVEN and bridge.change_at == NEVER:  # few samples are ever shown
             bridge.taken += max((end - 1 - cycle) // PWM_CYCLES - KEPT, 0)
             cycle = bridge.origin + bridge.taken * PWM_CYCLES + bridge.offset
-        # a tick is seen in the cycle after it
-        due = min((cycle - 1 - first) // period + 1, ticks) if cycle > first else 0
-        integrate(bridge, due - bridge.done)
+            late = -1
+        if late < 0:  # a tick is seen in the cycle after it
+            due, late = (cycle - 1 - first) // period + 1, (cycle - 1 - first) % period
+        else:
+            more = late + rest >= period
+            due += whole + more
+            late += rest - (period if more else 0)
+        integrate(bridge, min(due, ticks) - bridge.done)
         bridge.samples[bridge.taken & KEPT - 1] = current * TURN | bridge.position & TURN - 1
         bridge.taken += 1

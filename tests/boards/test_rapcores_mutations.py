@@ -100,7 +100,7 @@ FAULTS = {
     "an even train goes on too far": (
         MOTOR,
         "/ ONE + MARGIN",
-        "/ ONE + 1.5",
+        "/ ONE + 1.9",
         vectors.test_steps_follow_the_ticks_that_cross_them,
     ),
     "every step of an even train is as long": (

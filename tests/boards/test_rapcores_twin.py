@@ -157,7 +157,12 @@ def test_6_half_a_step_per_clock():
 
 def test_steps_follow_the_ticks_that_cross_them():
     """Steady, ever faster and ever slower, up and down: against the sum itself, tick by tick."""
-    speeds = [(3 * U // 19, 0), (U // 50, U // 10**6), (-U // 9, -U // 10**5), (U // 8, -U // 10**5)]
+    speeds = [
+        (3 * U // 19, 0),
+        (U // 50, U // 10**6),
+        (-U // 9, -U // 10**5),
+        (U // 8, -U // 10**5),
+    ]
     ticks, period = 4000, 10
     host = Host(motors=4, encoders=1)
     host.configure(2, period - 1)

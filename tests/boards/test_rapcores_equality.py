@@ -81,7 +81,7 @@ LEAST = {
 }  # fmt: skip
 
 
-WITH_BRIDGES = {"en": 2, "phase": 4000}  # two motors
+WITH_BRIDGES = {"en": 2, "dir": 100, "phase": 4000}  # two motors
 
 
 @pytest.mark.parametrize("name", ["document", "shared", "bridges", "fixed", "v020"])

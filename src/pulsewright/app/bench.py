@@ -29,6 +29,7 @@ Figures = list[dict[str, Any]]
 
 TWIN_SECONDS: Final = 60
 TWIN_RATE: Final = 50_000  # [step/s] of each of four axes
+TWIN_ACCELERATION: Final = 500_000  # [step/s^2] of the moves of RAPcores
 ENCODER_COUNTS: Final = 5_000  # [count/s] of each encoder
 HOUR: Final = 3600.0
 
@@ -182,6 +183,9 @@ def _rapcores_twin() -> Figures:
     rates = TWIN_RATE * np.arange(2, 2 + motors) / (1 + motors)  # 20, 30, 40, 50 k step/s
     steps = rates * (1 + 1e-3 * _wobble(motors)[:moves]) / (moves * ticks)
     words[:, 2::2] = steps * 2.0 ** (reg.WORD_BITS - 1)
+    # moves speed up and slow down in turns, by 2 % of the fastest
+    change = TWIN_ACCELERATION / (moves * ticks) ** 2 * 2.0 ** (reg.WORD_BITS - 1)
+    words[0::2, 3::2], words[1::2, 3::2] = change, -change
     messages = [row.tobytes() for row in words]
     swap = reg.HEADER_CONFIG_SWAP << (reg.WORD_BITS - 8) | reg.W_DIVIDER
     divider = b"".join(word.to_bytes(8, "little") for word in (swap, period - 1))
@@ -212,7 +216,7 @@ def _rapcores_twin() -> Figures:
     if (state := twin.state())["refused"] or state["completed"] < moves * TWIN_SECONDS:
         raise UsageError(f"the benchmark of the rapcores twin went wrong: {state}")
     what = (
-        f"{motors} motors at 20 to {TWIN_RATE // 1000} k step/s, {moves} moves/s, "
+        f"{motors} motors at 20 to {TWIN_RATE // 1000} k step/s, {moves} moves/s that accelerate, "
         f"{reg.ENCODERS} encoders at {ENCODER_COUNTS // 1000} k counts/s"
     )
     speed, rate = TWIN_SECONDS / alone.seconds, edges / alone.seconds / 1e6

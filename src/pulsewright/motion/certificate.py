@@ -1,8 +1,8 @@
 """Proof that a trajectory keeps its limits: bounds over all time, not samples.
 
-Shares no code with the planner. Along polynomials the extremes of velocity and acceleration are
-found exactly, from the stationary points; along arcs they are bounded by amplitudes. The distance
-from the programmed path is bounded by the control polygon of the difference.
+Shares no code with the planner. Velocity, acceleration and jerk are bounded by intervals, on ever
+smaller parts where they are large: see `certificate_kernels`. The distance from the programmed path
+at the same path coordinate is bounded by the control polygon of the difference.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pulsewright.motion.trajectory import Trajectory
 
 ROUNDING: Final = 1e-6  # allowed in positions, velocities and times [mm, degrees, s]
 STILL: Final = 1e-8  # motion shorter than this is none [mm, degrees]
-CHUNK: Final = 1 << 13  # pieces examined at once: bounds the memory, fits the cache
+CLOSE: Final = 1e-3  # jump of acceleration that counts as none [mm/s^2, degrees/s^2]
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Certificate:
 
     Parameters
     ----------
-    velocity, acceleration : tuple of Worst
+    velocity, acceleration, jerk : tuple of Worst
         One per limit row of the machine.
     feed : Worst
         Path speed over programmed feed.
@@ -63,6 +63,8 @@ class Certificate:
         Largest distance from the programmed path, as a bound [mm, degrees].
     velocity_jump : float
         Largest difference of velocities where two pieces meet [mm/s, degrees/s].
+    acceleration_jump : float
+        Largest difference of accelerations where two pieces meet [mm/s^2, degrees/s^2].
     position_jump : float
         Largest gap where two pieces meet [mm, degrees].
     end_error : float
@@ -75,10 +77,12 @@ class Certificate:
 
     velocity: tuple[Worst, ...]
     acceleration: tuple[Worst, ...]
+    jerk: tuple[Worst, ...]
     feed: Worst
     path: Worst
     deviation: float
     velocity_jump: float
+    acceleration_jump: float
     position_jump: float
     end_error: float
     dwell_error: float
@@ -97,6 +101,7 @@ class Certificate:
             for kind, group in [
                 ("velocity", self.velocity),
                 ("acceleration", self.acceleration),
+                ("jerk", self.jerk),
                 ("path", (self.feed, self.path)),
             ]
             for worst in group
@@ -104,8 +109,14 @@ class Certificate:
         ]
         found += [
             f"{what.replace('_', ' ')} of {getattr(self, what):.3g}"
-            for what in ("velocity_jump", "position_jump", "end_error", "dwell_error")
-            if not getattr(self, what) <= ROUNDING
+            for what, allowed in [
+                ("velocity_jump", ROUNDING),
+                ("acceleration_jump", CLOSE),
+                ("position_jump", ROUNDING),
+                ("end_error", ROUNDING),
+                ("dwell_error", ROUNDING),
+            ]
+            if not getattr(self, what) <= allowed
         ]
         if self.missed_rests:
             found.append(f"no rest after {self.missed_rests} moves that demand it")
@@ -117,12 +128,17 @@ class Certificate:
             f"{kind:<13} "
             + ", ".join(f"{worst.what} {100 * worst.ratio:.2f} %" for worst in group)
             + " of the limits"
-            for kind, group in [("velocity", self.velocity), ("acceleration", self.acceleration)]
+            for kind, group in [
+                ("velocity", self.velocity),
+                ("acceleration", self.acceleration),
+                ("jerk", self.jerk),
+            ]
         ]
         lines += [
             f"{'feed':<13} {100 * self.feed.ratio:.2f} % of the programmed feed",
             f"{'path':<13} within {self.deviation:.3g} mm, {100 * self.path.ratio:.2f} % of the "
-            f"tolerance; velocity continuous within {self.velocity_jump:.1g} mm/s",
+            f"tolerance; velocity continuous within {self.velocity_jump:.1g} mm/s, acceleration "
+            f"within {self.acceleration_jump:.1g} mm/s^2",
             *(f"VIOLATED      {violation}" for violation in self.violations()),
         ]
         return "\n".join(lines)
@@ -132,38 +148,47 @@ class Certificate:
 
 
 def certify(trajectory: Trajectory, moves: Moves, machine: Machine) -> Certificate:
-    """Bound velocity, acceleration and deviation of a planned trajectory over all time.
+    """Bound velocity, acceleration, jerk and deviation of a planned trajectory over all time.
 
     Raises
     ------
     UsageError
-        If the trajectory has other axes than the moves, or pieces or elements of a shape that
-        `plan` does not make: acceleration that changes within a piece, arcs of higher degree.
+        If the trajectory has other axes than the moves.
     """
     if not len(moves):
         return _nothing(machine)
     if trajectory.axes != len(AXES):
         raise UsageError(f"certify needs positions of {AXES}, not {trajectory.axes} coordinates")
-    if trajectory.law[:, 3].any() or trajectory.poly[trajectory.omega != 0, 2:].any():
-        raise UsageError("certify knows constant acceleration and arcs of degree 1 only")
+    from pulsewright.motion import certificate_kernels as kernels  # compiled on first use
+
     rows, velocity, acceleration = machine.limit_rows()
+    t = trajectory
+    columns = (t.poly, t.cosine, t.sine, t.omega, t.element, t.start, t.law)
+    limits = np.stack([velocity, acceleration, machine.jerk_limits()])
+    use, where = kernels.worst(*columns, rows, limits)
+    position_jump, velocity_jump, acceleration_jump = kernels.jumps(*columns).tolist()
     motion = _Pieces(trajectory)
     line = moves.line[trajectory.move[trajectory.element]]
-    velocity_use, acceleration_use = _limits(trajectory, motion, rows, velocity, acceleration)
-    letters = machine.axes
     reference = _Reference(trajectory, moves)
-    position_jump, velocity_jump = _jumps(trajectory, motion)
-    feed = np.maximum(motion.v0, motion.v1) / reference.feed[trajectory.element]
+    feed = motion.fastest / reference.feed[trajectory.element]
     deviation, allowed = reference.deviation()
-    use = (deviation / allowed)[trajectory.element]
+    off = (deviation / allowed)[trajectory.element]
     end_error, missed = reference.rests(motion)
+
+    def place(use: float, what: str, k: int) -> Worst:
+        return Worst(float(use), what, int(line[k]), float(trajectory.start[k]))
+
+    groups = (
+        tuple(place(*worst) for worst in zip(u, machine.axes, k, strict=True))
+        for u, k in zip(use, where, strict=True)
+    )
     return Certificate(
-        velocity=_worst(velocity_use, letters, line, trajectory.start),
-        acceleration=_worst(acceleration_use, letters, line, trajectory.start),
-        feed=_worst(feed[None], ["feed"], line, trajectory.start)[0],
-        path=_worst(use[None], ["tolerance"], line, trajectory.start)[0],
+        *groups,
+        feed=place(feed.max(), "feed", int(feed.argmax())),
+        path=place(off.max(), "tolerance", int(off.argmax())),
         deviation=float(deviation.max()),
         velocity_jump=velocity_jump,
+        acceleration_jump=acceleration_jump,
         position_jump=position_jump,
         end_error=end_error,
         dwell_error=reference.dwell_error(motion),
@@ -175,129 +200,29 @@ def _nothing(machine: Machine) -> Certificate:
     """Return the certificate of a program without moves."""
     unused = tuple(Worst(0.0, letter, 0, 0.0) for letter in machine.axes)
     feed, path = Worst(0.0, "feed", 0, 0.0), Worst(0.0, "tolerance", 0, 0.0)
-    return Certificate(unused, unused, feed, path, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    return Certificate(unused, unused, unused, feed, path, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
 class _Pieces:
-    """Path coordinate s and its rate v at both ends of each piece, and its acceleration a."""
+    """Duration of each piece, path coordinate s at its start, and rates at both ends."""
 
     def __init__(self, trajectory: Trajectory) -> None:
         law, time = trajectory.law, np.diff(trajectory.start)
         self.time = time
-        self.s0, self.v0, self.a = law[:, 0], law[:, 1], 2 * law[:, 2]
-        self.s1 = self.s0 + (self.v0 + law[:, 2] * time) * time
-        self.v1 = self.v0 + self.a * time
+        self.s0, self.v0 = law[:, 0], law[:, 1]
+        self.v1 = self.v0 + (2 * law[:, 2] + 3 * law[:, 3] * time) * time
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turn = np.nan_to_num(np.clip(-law[:, 2] / (3 * law[:, 3]), 0, time))
+        top = self.v0 + (2 * law[:, 2] + 3 * law[:, 3] * turn) * turn
+        self.fastest = np.max(np.abs([self.v0, self.v1, top]), axis=0)
 
 
-def _worst(
-    use: Floats, names: str | list[str], line: NDArray[np.int32], start: Floats
-) -> tuple[Worst, ...]:
-    worst = np.argmax(use, axis=1)
-    return tuple(
-        Worst(float(use[r, k]), name, int(line[k]), float(start[k]))
-        for r, (name, k) in enumerate(zip(names, worst, strict=True))
-    )
-
-
-def _limits(
-    trajectory: Trajectory, motion: _Pieces, rows: Floats, velocity: Floats, acceleration: Floats
-) -> tuple[Floats, Floats]:
-    """Return the used share of velocity and acceleration of each row on each piece, (r, k)."""
-    count = len(trajectory.element)
-    v_use, a_use = np.zeros((len(rows), count)), np.zeros((len(rows), count))
-    for first in range(0, count, CHUNK):
-        part = slice(first, first + CHUNK)
-        e, s0 = trajectory.element[part], motion.s0[part]
-        h, a = motion.s1[part] - s0, motion.a[part]
-        v0, v1 = motion.v0[part], motion.v1[part]
-        p = np.moveaxis(trajectory.poly[e] @ rows.T, 1, 0)  # (4, k, r)
-        cosine, sine = trajectory.cosine[e] @ rows.T, trajectory.sine[e] @ rows.T
-        omega = trajectory.omega[e]
-        s, step = s0[:, None], h[:, None]
-        # the polynomial from the start of the piece on
-        d1 = p[1] + (2 * p[2] + 3 * p[3] * s) * s
-        d2 = 2 * p[2] + 6 * p[3] * s
-        d3 = 6 * p[3]
-        b0, rate = (v0**2)[:, None], a[:, None]
-        # row acceleration f0 + f1 u + f2 u^2, u from the start of the piece
-        f0, f1, f2 = d2 * b0 + d1 * rate, d3 * b0 + 3 * d2 * rate, 2.5 * d3 * rate
-        speeds, accelerations = [], []
-        for u in [np.zeros_like(step), step, *_roots(f0, f1, f2, step)]:
-            b = np.maximum(b0 + 2 * rate * u, 0)
-            speeds.append(np.abs(d1 + (d2 + 0.5 * d3 * u) * u) * np.sqrt(b))
-        for u in [np.zeros_like(step), step, _vertex(f1, f2, step)]:
-            accelerations.append(np.abs(f0 + (f1 + f2 * u) * u))
-        v_row, a_row = np.max(speeds, axis=0), np.max(accelerations, axis=0)
-        arc = np.flatnonzero(omega)
-        if len(arc):
-            w = omega[arc][:, None]
-            swing = np.hypot(cosine[arc], sine[arc])
-            span = (w * s[arc], w * (s + step)[arc])
-            top = np.maximum(v0, v1)[arc][:, None]
-            straight = np.abs(p[1][arc])
-            c, d = cosine[arc], sine[arc]
-            along = straight + w * swing * _largest_cosine(np.arctan2(-c, d), *span)
-            bend = w**2 * swing * _largest_cosine(np.arctan2(d, c), *span)
-            size = np.abs(rate[arc])
-            apart = bend * top**2 + along * size
-            turned = np.hypot(w**2 * swing * top**2, w * swing * size) + straight * size
-            v_row[arc], a_row[arc] = along * top, np.minimum(apart, turned)
-        v_use[:, part], a_use[:, part] = (v_row / velocity).T, (a_row / acceleration).T
-    return v_use, a_use
-
-
-def _roots(f0: Floats, f1: Floats, f2: Floats, step: Floats) -> tuple[Floats, Floats]:
-    """Return both roots of a quadratic, moved into 0..step."""
-    root = np.sqrt(np.maximum(f1 * f1 - 4 * f2 * f0, 0))
-    q = -0.5 * (f1 + np.copysign(root, f1))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = q / f2, f0 / q
-    return _inside(first, step), _inside(second, step)
-
-
-def _vertex(f1: Floats, f2: Floats, step: Floats) -> Floats:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return _inside(-0.5 * f1 / f2, step)
-
-
-def _inside(u: Floats, step: Floats) -> Floats:
-    return np.asarray(np.clip(np.nan_to_num(u, nan=0.0), 0, step))
-
-
-def _largest_cosine(phase: Floats, low: Floats, high: Floats) -> Floats:
-    """Return the largest ``|cos(theta - phase)|`` for theta in low..high."""
-    peak = np.floor((high - phase) / np.pi) * np.pi + phase  # the last one not above high
-    ends = np.maximum(np.abs(np.cos(low - phase)), np.abs(np.cos(high - phase)))
-    return np.where(peak >= low, 1.0, ends)
-
-
-def _place(trajectory: Trajectory, element: NDArray[np.int32], s: Floats) -> tuple[Floats, Floats]:
-    """Return x and dx/ds at s on elements."""
+def _place(trajectory: Trajectory, element: NDArray[np.int32], s: Floats) -> Floats:
+    """Return x at s on elements."""
     s, w = s[:, None], trajectory.omega[element][:, None]
     p, c, d = trajectory.poly[element], trajectory.cosine[element], trajectory.sine[element]
-    cos, sin = np.cos(w * s), np.sin(w * s)
-    x = p[:, 0] + (p[:, 1] + (p[:, 2] + p[:, 3] * s) * s) * s + c * cos + d * sin
-    return x, p[:, 1] + (2 * p[:, 2] + 3 * p[:, 3] * s) * s + w * (d * cos - c * sin)
-
-
-def _jumps(trajectory: Trajectory, motion: _Pieces) -> tuple[float, float]:
-    """Return the largest gap and the largest jump of velocity between pieces, and at the ends."""
-    gap, jump = 0.0, 0.0
-    e = trajectory.element
-    for first in range(0, len(e), CHUNK):
-        part = slice(first, first + CHUNK)
-        after = slice(first + 1, first + 1 + CHUNK)
-        x1, d1 = _place(trajectory, e[part], motion.s1[part])
-        v1 = d1 * motion.v1[part][:, None]
-        x0, d0 = _place(trajectory, e[after], motion.s0[after])
-        v0 = d0 * motion.v0[after][:, None]
-        n = len(x0)
-        gap = max(gap, float(np.abs(x1[:n] - x0).max(initial=0)))
-        jump = max(jump, float(np.abs(v1[:n] - v0).max(initial=0)))
-        if n < len(x1):
-            jump = max(jump, float(np.abs(v1[n:]).max()))
-    _, d0 = _place(trajectory, e[:1], motion.s0[:1])
-    return gap, max(jump, float(np.abs(d0 * motion.v0[0]).max()))
+    x = p[:, 0] + (p[:, 1] + (p[:, 2] + p[:, 3] * s) * s) * s + c * np.cos(w * s)
+    return np.asarray(x + d * np.sin(w * s))
 
 
 class _Reference:
@@ -312,15 +237,9 @@ class _Reference:
         self.last, self.run = np.unique(trajectory.move, return_inverse=True)
         first = np.append(0, self.last[:-1] + 1)
         self.start, self.end = moves.starts()[first], moves.end[self.last]
-        self.blend: NDArray[np.bool_] = np.asarray(trajectory.poly[:, 2:].any(axis=(1, 2)))
         self._trace()
         self._merge()
         self.feed = self.slowest[self.run]
-        self.feed[self.blend] = np.minimum(self.feed[self.blend], self.slowest[self._after()])
-
-    def _after(self) -> NDArray[np.intp]:
-        """Return the run after each blend."""
-        return np.minimum(self.run[self.blend] + 1, len(self.last) - 1)
 
     def _trace(self) -> None:
         """Find the geometry of each run from its last move."""
@@ -377,47 +296,25 @@ class _Reference:
         bent = np.isin(q, q[inner]) & (moves.kind[head] != MoveKind.LINE)  # nor replace an arc
         self.chord[q[back]] = self.chord[q[bent]] = np.inf
 
-    def _taylor(self, run: NDArray[np.intp], s: Floats) -> list[Floats]:
-        """Return coefficients of degree 0..3 of the reference around s."""
-        w = self.omega[run][:, None]
-        cos, sin = np.cos(w * s[:, None]), np.sin(w * s[:, None])
-        here = self.cosine[run] * cos + self.sine[run] * sin
-        turned = self.sine[run] * cos - self.cosine[run] * sin
-        x = self.base[run] + self.along[run] * s[:, None] + here
-        return [x, self.along[run] + w * turned, -(w**2) * here / 2, -(w**3) * turned / 6]
-
     def deviation(self) -> tuple[Floats, Floats]:
         """Return a bound on the distance from the programmed path, and the tolerance, (m,)."""
-        t, blend, run = self.trajectory, self.blend, self.run
-        half = np.where(blend, 0.5 * t.length, 0.0)
-        begin = np.append(0.0, half[:-1])  # what the blend before took away
-        away = np.zeros(len(run))
-        w, cut = self.omega[run][:, None], begin[:, None]
+        t, run = self.trajectory, self.run
+        begin = np.append(0.0, np.cumsum(t.length)[:-1])
+        first = np.searchsorted(run, np.arange(len(self.last)))
+        cut = (begin - begin[first][run])[:, None]  # from the start of the run
+        w = self.omega[run][:, None]
         cos, sin = np.cos(w * cut), np.sin(w * cut)
-        base = t.poly[:, 0] - self.base[run] - self.along[run] * cut
-        rate = t.poly[:, 1] - self.along[run]
+        apart = [t.poly[:, n] for n in range(4)]
+        apart[0] = apart[0] - self.base[run] - self.along[run] * cut
+        apart[1] = apart[1] - self.along[run]
         cosine = t.cosine - np.where(w > 0, self.cosine[run] * cos + self.sine[run] * sin, 0)
         sine = t.sine - np.where(w > 0, self.sine[run] * cos - self.cosine[run] * sin, 0)
         skew = np.abs(t.omega - self.omega[run]) * t.length * _norm(t.cosine)
-        away = np.maximum(_norm(base), _norm(base + rate * t.length[:, None]))
-        away += _norm(cosine) + _norm(sine) + skew
-        allowed = self.inner[run].copy()
-        allowed[np.isinf(allowed)] = 0.0
-        q, after, d = run[blend], self._after(), half[blend]
-        curve = [t.poly[blend, n] for n in range(4)]
-        sides = [
-            (curve, self._taylor(q, self.length[q] - d), q),
-            (_shifted(curve, d), self._taylor(after, np.zeros(len(d))), after),
-        ]
-        away[blend] = 0.0
-        for ours, theirs, of in sides:
-            rest = _norm(self.cosine[of]) * (self.omega[of] * d) ** 4 / 24
-            far = _hull([a - b for a, b in zip(ours, theirs, strict=True)], d) + rest
-            away[blend] = np.maximum(away[blend], far)
-        allowed[blend] = self.corner[q]
-        chord = self.chord[run].copy()
-        chord[blend] = np.maximum(self.chord[q], self.chord[after])
-        return away + chord, np.maximum(allowed, ROUNDING)
+        away = _hull(apart, t.length) + _norm(cosine) + _norm(sine) + skew + self.chord[run]
+        # a blend at either end of the run, or the chord
+        allowed = np.maximum(self.corner, np.append(0.0, self.corner[:-1]))
+        allowed = np.maximum(allowed, np.where(np.isinf(self.inner), 0.0, self.inner))
+        return away, np.maximum(allowed[run], ROUNDING)
 
     def rests(self, motion: _Pieces) -> tuple[float, int]:
         """Return the largest error of position at rest, and the number of rests not made."""
@@ -425,15 +322,15 @@ class _Reference:
         final = np.append(np.flatnonzero(np.diff(t.element)), len(t.element) - 1)
         still = np.zeros(len(t.length), bool)
         still[t.element[final]] = motion.v1[final] <= ROUNDING
-        x, _ = _place(t, np.arange(len(t.length), dtype=np.int32), t.length)
-        error = _norm(x - self.end[self.run])[still & ~self.blend].max(initial=0.0)
-        error = max(error, float(_norm(x[-1:] - self.moves.end[-1:])[0]))
-        begin, _ = _place(t, t.element[:1], motion.s0[:1])
-        error = max(error, float(_norm(begin - self.moves.start)[0]))
         closing = np.append(np.flatnonzero(np.diff(self.run)), len(self.run) - 1)
+        x = _place(t, closing.astype(np.int32), t.length[closing])
+        kept = still[closing]
+        error = _norm(x - self.end)[kept].max(initial=0.0)
+        error = max(error, float(_norm(x[-1:] - self.moves.end[-1:])[0]))
+        begin = _place(t, t.element[:1], motion.s0[:1])
+        error = max(error, float(_norm(begin - self.moves.start)[0]))
         demanded = self.corner <= 0
         demanded[-1] = True
-        kept = still[closing] & ~self.blend[closing]
         return float(error), int((demanded & ~kept).sum())
 
     def dwell_error(self, motion: _Pieces) -> float:
@@ -449,17 +346,6 @@ def _norm(v: Floats) -> Floats:
     """Return the larger of the linear and the rotary length of each vector."""
     linear, rotary = np.linalg.norm(v[:, :3], axis=1), np.linalg.norm(v[:, 3:], axis=1)
     return np.asarray(np.maximum(linear, rotary))
-
-
-def _shifted(c: list[Floats], u: Floats) -> list[Floats]:
-    """Return the coefficients of cubics around u."""
-    u = u[:, None]
-    return [
-        c[0] + (c[1] + (c[2] + c[3] * u) * u) * u,
-        c[1] + (2 * c[2] + 3 * c[3] * u) * u,
-        c[2] + 3 * c[3] * u,
-        c[3],
-    ]
 
 
 def _hull(c: list[Floats], size: Floats) -> Floats:

@@ -31,6 +31,7 @@ from pulsewright.motion.moves import AXES, MoveKind, Moves, Plane
 
 LINEAR: Final = "XYZ"
 TRAVEL_MARGIN: Final = 1e-6  # rounding of programs in inches [mm, degrees]
+RISE: Final = 0.025  # time in which an axis without a jerk limit builds up its acceleration [s]
 NUMBER = r"[0-9]+(?:\.[0-9]*)?|\.[0-9]+"
 
 WORK_OFFSETS: Final = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
@@ -109,6 +110,12 @@ class Axis(_Table):
     max: Finite
     velocity: Positive
     acceleration: Positive
+    jerk: Positive | None = None
+
+    @property
+    def jerk_limit(self) -> float:
+        """Largest jerk; by default the acceleration is built up in `RISE` seconds."""
+        return self.acceleration / RISE if self.jerk is None else self.jerk
 
     @property
     def steps_per_unit(self) -> Fraction:
@@ -327,6 +334,10 @@ class Machine(_Table):
         velocity = np.array([self.axis[a].velocity for a in self.axes])
         acceleration = np.array([self.axis[a].acceleration for a in self.axes])
         return rows, velocity, acceleration
+
+    def jerk_limits(self) -> NDArray[np.float64]:
+        """Return the largest jerk along each row of `limit_rows`, (r,) [mm/s^3, degrees/s^3]."""
+        return np.array([self.axis[a].jerk_limit for a in self.axes])
 
     def check_travel(self, moves: Moves) -> None:
         """Check that every move stays within the travel of every axis.

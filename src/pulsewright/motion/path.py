@@ -2,8 +2,10 @@
 
 Moves too short to matter are dropped. Where short moves would force the machine to slow down at
 each of their noisy corners, a few of them are replaced by their chord, within the tolerance. At
-corners with tolerance the path is blended: a parabola (a cubic next to an arc) replaces it, with
-the path's positions and derivatives at both ends.
+corners with tolerance the path is blended: a displacement is added to it on both sides of the
+corner, cubic on each piece, such that position, tangent and curvature have no jump. The path stays
+what it is further away. Displacements from both ends of a line may overlap, so that a curve made of
+short chords becomes nearly the cubic spline through it.
 """
 
 from __future__ import annotations
@@ -21,10 +23,13 @@ TANGENT = 1e-9  # tangents that differ less are equal; the jump in velocity is r
 REVERSAL = -0.98  # cosine between tangents below which the machine stops in the corner
 MERGE_SHARE = 1 / 3  # of the tolerance, for chords; the rest is for blends
 LONGEST_RUN = 64  # moves that one chord may replace
-BLEND_SHARE = 0.1  # of the acceleration at full speed; a blend need not take less
+BLEND_SHARE = 0.1  # of acceleration and jerk at full speed; a blend need not take less
 SHORT_BLEND = 0.1  # of the stopping distance: so short a blend hinders no change of speed
-WIDEST_ARC = 0.5  # of an arc that a blend may replace [rad]
+WIDEST_ARC = 0.5  # of an arc that a blend may bend [rad]
 ARC_SHARE = 0.95  # of the acceleration for bending on arcs; the rest changes speed
+ARC_JERK = 0.5  # of the jerk for bending on arcs
+CORNER_PART = 1 / 6  # deviation of a corner by tangents, over their difference and the size
+CURVE_PART = 0.0084  # deviation by curvatures, over their difference and the size squared
 ARC, DWELL = 1, 2  # as MoveKind
 
 Floats = NDArray[np.float64]
@@ -33,11 +38,12 @@ Flags = NDArray[np.bool_]
 
 
 class Limits(NamedTuple):
-    """Bounds ``|rows x'| <= velocity`` and ``|rows x''| <= acceleration`` over time."""
+    """Bounds on the magnitudes of ``rows`` times the derivatives of position over time."""
 
     rows: Floats  # (r, 6)
     velocity: Floats  # (r,)
     acceleration: Floats  # (r,)
+    jerk: Floats  # (r,)
 
 
 class Segments(NamedTuple):
@@ -56,22 +62,21 @@ class Segments(NamedTuple):
     feed: Floats  # (s,)
     dwell: Floats  # (s,) [s]
     tolerance: Floats  # (s,) left for a blend at the end; 0: rest there
-    top: Floats  # (s,) largest square of the speed
+    top: Floats  # (s,) about the largest square of the speed
     ramp: Floats  # (s,) path acceleration possible up to it; 0 for a rest
 
 
 class Elements(NamedTuple):
-    """Trimmed segments and the blends between them: geometry of a trajectory, and its limits."""
+    """The blended path in pieces of one form: geometry of a trajectory, and what is asked there."""
 
     poly: Floats  # (m, 4, 6)
     cosine: Floats  # (m, 6)
     sine: Floats  # (m, 6)
     omega: Floats  # (m,)
-    length: Floats  # (m,)
+    length: Floats  # (m,); 0 for a rest
     move: NDArray[np.int32]  # (m,)
     dwell: Floats  # (m,)
-    top: Floats  # (m,) as in `Segments`; the lower one of the neighbours for a blend
-    ramp: Floats  # (m,); 0 for a blend, whose limits couple speed and acceleration
+    feed: Floats  # (m,)
     rest: Flags  # (m,) whether the machine comes to rest at the end
 
 
@@ -228,6 +233,8 @@ def _limits(
             top = min(top, (limits.velocity[r] / along[r]) ** 2)
         if bend[r] > 0.0:
             top = min(top, ARC_SHARE * limits.acceleration[r] / bend[r])
+        if swing[r] > 0.0:
+            top = min(top, (ARC_JERK * limits.jerk[r] / (omega**2 * swing[r])) ** (2 / 3))
     ramp = math.inf
     for r in range(count):
         if along[r] > 0.0:
@@ -330,75 +337,38 @@ def _chord_distance(poly: Floats, length: Floats, first: int, last: int) -> floa
 
 
 @compiled(error_model="numpy")
-def _tangent(s: Segments, k: int, at: float, out: Floats) -> None:
-    """Put the derivative of segment ``k`` at ``at`` into ``out``."""
+def _tangent(s: Segments, k: int, at: float, out: Floats, bend: Floats) -> None:
+    """Put the first two derivatives of segment ``k`` at ``at`` into ``out`` and ``bend``."""
     w = s.omega[k]
-    c, d = math.cos(w * at), math.sin(w * at)
+    c, d = 1.0, 0.0
+    if w != 0.0:
+        c, d = math.cos(w * at), math.sin(w * at)
     for axis in range(6):
         out[axis] = s.poly[k, 1, axis] + w * (s.sine[k, axis] * c - s.cosine[k, axis] * d)
+        bend[axis] = -w * w * (s.cosine[k, axis] * c + s.sine[k, axis] * d)
 
 
 @compiled(error_model="numpy")
-def _chord(s: Segments, k: int, at: float, ds: float, out: Floats) -> None:
-    """Put ``x(at + ds) - x(at)`` on segment ``k`` into ``out``, without cancellation."""
-    w = s.omega[k]
-    half, middle = math.sin(0.5 * w * ds), w * (at + 0.5 * ds)
-    c, d = -2.0 * half * math.sin(middle), 2.0 * half * math.cos(middle)
-    for axis in range(6):
-        out[axis] = s.poly[k, 1, axis] * ds + s.cosine[k, axis] * c + s.sine[k, axis] * d
+def _of_use(turn: Floats, bend: Floats, top: float, ramp: float, limits: Limits) -> float:
+    """Return the size of a blend that hinders little: a larger one is of no use.
 
-
-@compiled(error_model="numpy")
-def _blend(s: Segments, k: int, d: float, out: Floats, work: Floats) -> None:
-    """Put the blend from ``d`` before to ``d`` after the end of segment ``k`` into ``out``.
-
-    The cubic with the segments' positions and derivatives at its ends; between lines, a parabola.
-    ``out`` is (4, 6), coefficients of s^0..s^3, relative to the corner.
+    ``turn`` and ``bend`` are the jumps of the first two derivatives, ``top`` the square of speed.
     """
-    q1, q2, e1, e2 = work[0], work[1], work[2], work[3]
-    _chord(s, k, s.length[k], -d, q1)
-    _chord(s, k + 1, 0.0, d, q2)
-    _tangent(s, k, s.length[k] - d, e1)
-    _tangent(s, k + 1, d, e2)
-    h = 2.0 * d
-    straight = s.omega[k] == 0.0 and s.omega[k + 1] == 0.0
-    for axis in range(6):
-        out[0, axis] = q1[axis]
-        out[1, axis] = e1[axis]
-        if straight:
-            out[2, axis] = (e2[axis] - e1[axis]) / (2.0 * h)
-            out[3, axis] = 0.0
-        else:
-            mean = (q2[axis] - q1[axis]) / h
-            out[2, axis] = (3.0 * mean - 2.0 * e1[axis] - e2[axis]) / h
-            out[3, axis] = (e1[axis] + e2[axis] - 2.0 * mean) / (h * h)
+    size = SHORT_BLEND * top / (2.0 * ramp)
+    for r in range(limits.acceleration.size):
+        first, second = 0.0, 0.0
+        for axis in range(6):
+            first += limits.rows[r, axis] * turn[axis]
+            second += limits.rows[r, axis] * bend[axis]
+        first, second = abs(first) / BLEND_SHARE, abs(second) / BLEND_SHARE
+        hasty = top * math.sqrt(top) / limits.jerk[r]
+        size = max(size, first * top / limits.acceleration[r], math.sqrt(first * hasty))
+        size = max(size, 7.0 / 6.0 * second * hasty)
+    return size
 
 
 @compiled(error_model="numpy")
-def _deviation(s: Segments, k: int, d: float, curve: Floats, work: Floats) -> float:
-    """Bound the distance between a blend and the corner it replaces.
-
-    Blend and path share position and derivative at the ends of the blend, so at equal s they are
-    apart by at most half the largest difference of their second derivatives times d^2.
-    """
-    _blend(s, k, d, curve, work)
-    apart = work[0]
-    worst = 0.0
-    for side in range(2):
-        q, w = k + side, s.omega[k + side]
-        at = d if side == 1 else s.length[k] - d
-        c, v = -w * w * math.cos(w * at), -w * w * math.sin(w * at)
-        turning = d * w**3 * _norm(s.cosine[q])  # the path's second derivative changes by less
-        for u in (d, 2.0 * d * side):
-            for axis in range(6):
-                apart[axis] = 2.0 * curve[2, axis] + 6.0 * curve[3, axis] * u
-                apart[axis] -= s.cosine[q, axis] * c + s.sine[q, axis] * v
-            worst = max(worst, 0.5 * d * d * (_norm(apart) + turning))
-    return worst
-
-
-@compiled(error_model="numpy")
-def blends(s: Segments, limits: Limits) -> tuple[Floats, Flags]:
+def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
     """Choose the blends.
 
     As large as the tolerance allows, but not larger than of use, so that lines remain to change
@@ -409,94 +379,144 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Flags]:
     size : (s,) float64
         Path coordinate that the blend at the end of each segment takes of it and of the next; 0
         where there is none.
+    turn, bend : (s, 6) float64
+        Jumps of the first two derivatives there.
     rest : (s,) bool
         Whether the machine comes to rest at the end of the segment.
     """
     n = s.length.size
     # where there is no blend, too, half of the segment is left to others at most: none vanishes
     wanted, size, rest = np.full(n, math.inf), np.zeros(n), np.zeros(n, np.bool_)
-    work, curve = np.empty((4, 6)), np.empty((4, 6))
-    e1, e2, turn = work[0], work[1], work[2]
+    turn, bend, curved = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros(n, np.bool_)
+    work = np.empty((4, 6))
+    e1, e2, c1, c2 = work[0], work[1], work[2], work[3]
     for k in range(n):
         rest[k] = k + 1 == n or s.tolerance[k] <= 0.0
         if rest[k]:
             continue
-        _tangent(s, k, s.length[k], e1)
-        _tangent(s, k + 1, 0.0, e2)
+        _tangent(s, k, s.length[k], e1, c1)
+        _tangent(s, k + 1, 0.0, e2, c2)
         dot = 0.0
         for axis in range(6):
-            turn[axis] = e2[axis] - e1[axis]
+            turn[k, axis] = e2[axis] - e1[axis]
+            bend[k, axis] = c2[axis] - c1[axis]
             dot += e1[axis] * e2[axis]
         square = (_length(e1, 0) ** 2 + _length(e1, 3) ** 2) * (
             _length(e2, 0) ** 2 + _length(e2, 3) ** 2
         )
-        angle = _norm(turn)
+        angle, more = _norm(turn[k]), _norm(bend[k])
+        curved[k] = s.omega[k] > 0.0 or s.omega[k + 1] > 0.0
         rest[k] = dot <= REVERSAL * math.sqrt(square)
-        if angle > TANGENT and not rest[k]:
-            top = min(s.top[k], s.top[k + 1])
-            of_use = max(
-                _size_needed(e1, e2, top, limits) / BLEND_SHARE,
-                SHORT_BLEND * top / (2.0 * min(s.ramp[k], s.ramp[k + 1])),
-            )
-            wanted[k] = min(4.0 * s.tolerance[k] / angle, of_use)
-            widest = max(s.omega[k], s.omega[k + 1])
-            if widest > 0.0:
-                wanted[k] = min(wanted[k], WIDEST_ARC / widest)
+        if rest[k] or (angle <= TANGENT and more <= TANGENT):
+            continue
+        top, ramp = min(s.top[k], s.top[k + 1]), min(s.ramp[k], s.ramp[k + 1])
+        free = s.tolerance[k] * (1.0 - 1e-9)
+        first, second = CORNER_PART * angle, CURVE_PART * more
+        wanted[k] = 2.0 * free / (first + math.sqrt(first * first + 4.0 * second * free))
+        wanted[k] = min(wanted[k], _of_use(turn[k], bend[k], top, ramp, limits))
+        widest = max(s.omega[k], s.omega[k + 1])
+        if widest > 0.0:
+            wanted[k] = min(wanted[k], WIDEST_ARC / widest)
     for k in range(n - 1):
         if wanted[k] == math.inf:
             continue
-        before = wanted[k - 1] if k > 0 else math.inf
-        size[k] = min(
-            wanted[k],
-            max(0.5 * s.length[k], s.length[k] - before),
-            max(0.5 * s.length[k + 1], s.length[k + 1] - wanted[k + 1]),
-        )
-        if s.omega[k] > 0.0 or s.omega[k + 1] > 0.0:
-            far = _deviation(s, k, size[k], curve, work)
-            while far > s.tolerance[k]:  # it shrinks faster than in proportion
-                size[k] *= max(0.3, min(0.9, 0.95 * s.tolerance[k] / far))
-                far = _deviation(s, k, size[k], curve, work)
-    return size, rest
+        size[k] = wanted[k]
+        for side in range(2):
+            room, other = s.length[k + side], k - 1 + 2 * side
+            if curved[k] or (other >= 0 and curved[other]):  # only those of lines may overlap
+                apart = wanted[other] if other >= 0 else math.inf
+                room = max(0.5 * room, room - apart)
+            size[k] = min(size[k], room)
+    return size, turn, bend, rest
 
 
 @compiled(error_model="numpy")
-def elements(s: Segments, size: Floats, rest: Flags) -> Elements:
-    """Trim the segments by the ``size`` of the blends and put the blends between them."""
+def _displace(
+    x: Floats, turn: Floats, bend: Floats, d: float, at: float, side: float, inner: bool
+) -> None:
+    """Add the displacement of a blend of size ``d`` to the cubic ``x`` (4, 6).
+
+    ``at`` is the distance from the corner where the cubic begins, ``side`` -1 before the corner, 1
+    after it. The distance grows after the corner and shrinks before it. ``inner`` tells whether
+    the cubic is within half the size.
+    """
+    w, h = d - at, 0.5 * d
+    t3 = 1.0 / (6.0 * d * d)
+    if inner:  # of the curvature: its piece next to the corner
+        k0 = at * (h / 6.0 - 0.25 * at + 7.0 / 72.0 * at * at / h)
+        k1 = h / 6.0 - 0.5 * at + 7.0 / 24.0 * at * at / h
+        k2, k3 = -0.25 + 7.0 / 24.0 * at / h, 7.0 / 72.0 / h
+    else:
+        f = 1.0 / (72.0 * h)
+        k0, k1, k2, k3 = f * w * w * w, -3.0 * f * w * w, 3.0 * f * w, -f
+    for axis in range(6):
+        t, k = turn[axis], side * bend[axis]
+        x[0, axis] += t * t3 * w * w * w + k * k0
+        x[1, axis] += side * (k * k1 - 3.0 * t * t3 * w * w)
+        x[2, axis] += 3.0 * t * t3 * w + k * k2
+        x[3, axis] += side * (k * k3 - t * t3)
+
+
+@compiled(error_model="numpy")
+def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags) -> Elements:
+    """Split the segments where blends begin, change or end, and add the displacements."""
     n = s.length.size
     m = n
     for k in range(n):
-        m += size[k] > 0.0
-    x = np.zeros((m, 4, 6))
+        if size[k] > 0.0:
+            m += 2 * (1 + (s.omega[k] > 0.0 or s.omega[k + 1] > 0.0))
+    x = np.empty((m, 4, 6))
     cosine, sine = np.zeros((m, 6)), np.zeros((m, 6))
-    omega, length, dwell = np.zeros(m), np.empty(m), np.zeros(m)
-    top, ramp = np.empty(m), np.zeros(m)
+    omega, length, dwell, feed = np.zeros(m), np.empty(m), np.zeros(m), np.empty(m)
     move, still = np.empty(m, np.int32), np.zeros(m, np.bool_)
-    work = np.empty((4, 6))
-    e, trim = 0, 0.0
+    cut = np.empty(6)
+    e = 0
     for k in range(n):
-        w = s.omega[k]
-        left = s.length[k] - trim - size[k]
-        if left > 1e-12 * s.length[k] or s.length[k] == 0.0:
-            c, d = math.cos(w * trim), math.sin(w * trim)
-            for axis in range(6):
-                x[e, 0, axis] = s.poly[k, 0, axis] + s.poly[k, 1, axis] * trim
-                x[e, 1, axis] = s.poly[k, 1, axis]
-                if w > 0.0:
+        w, full = s.omega[k], s.length[k]
+        before = size[k - 1] if k > 0 else 0.0
+        after = size[k]
+        cut[0], cut[1] = 0.0, before
+        count = 2
+        if before > 0.0 and (w > 0.0 or s.omega[k - 1] > 0.0):
+            cut[1], cut[2], count = 0.5 * before, before, 3
+        first = count
+        if after > 0.0:
+            if w > 0.0 or s.omega[k + 1] > 0.0:
+                cut[count], cut[count + 1] = full - after, full - 0.5 * after
+                count += 2
+            else:
+                cut[count] = full - after
+                count += 1
+        if first == 2 and count == 3 and cut[2] < cut[1]:
+            cut[1], cut[2] = cut[2], cut[1]
+        cut[count] = full
+        begin = 0.0
+        for i in range(1, count + 1):
+            end = cut[i]
+            if i < count and (end - begin <= 1e-12 * full or full - end <= 1e-12 * full):
+                continue
+            c, d = 1.0, 0.0
+            if w > 0.0:
+                c, d = math.cos(w * begin), math.sin(w * begin)
+                for axis in range(6):
                     cosine[e, axis] = s.cosine[k, axis] * c + s.sine[k, axis] * d
                     sine[e, axis] = s.sine[k, axis] * c - s.cosine[k, axis] * d
-            omega[e], length[e], dwell[e] = w, left, s.dwell[k]
-            top[e], ramp[e], move[e], still[e] = s.top[k], s.ramp[k], s.move[k], rest[k]
-            e += 1
-        trim = size[k]
-        if trim > 0.0:
-            _blend(s, k, trim, x[e], work)
-            c, d = math.cos(w * s.length[k]), math.sin(w * s.length[k])
             for axis in range(6):
-                x[e, 0, axis] += s.poly[k, 0, axis] + s.poly[k, 1, axis] * s.length[k]
-                x[e, 0, axis] += s.cosine[k, axis] * c + s.sine[k, axis] * d
-            length[e], move[e] = 2.0 * trim, s.move[k]
-            top[e] = min(s.top[k], s.top[k + 1])
+                x[e, 0, axis] = s.poly[k, 0, axis] + s.poly[k, 1, axis] * begin
+                x[e, 1, axis] = s.poly[k, 1, axis]
+                x[e, 2, axis] = x[e, 3, axis] = 0.0
+            middle = 0.5 * (begin + end)
+            if middle < before:
+                near = middle < 0.5 * before
+                _displace(x[e], turn[k - 1], bend[k - 1], before, begin, 1.0, near)
+            if middle > full - after:
+                near = full - middle < 0.5 * after
+                _displace(x[e], turn[k], bend[k], after, min(full - begin, after), -1.0, near)
+            omega[e], length[e], dwell[e] = w, end - begin, s.dwell[k]
+            move[e], feed[e] = s.move[k], s.feed[k]
+            begin = end
             e += 1
+        still[e - 1] = rest[k]
     return Elements(
         x[:e],
         cosine[:e],
@@ -505,7 +525,6 @@ def elements(s: Segments, size: Floats, rest: Flags) -> Elements:
         length[:e],
         move[:e],
         dwell[:e],
-        top[:e],
-        ramp[:e],
+        feed[:e],
         still[:e],
     )

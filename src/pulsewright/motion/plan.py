@@ -47,17 +47,24 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     from pulsewright.motion import path, plan_kernels  # compiled on first use
 
     machine.check_travel(moves)
-    rows, velocity, acceleration = machine.limit_rows()
-    limits = path.Limits(rows, velocity * (1 - MARGIN), acceleration * (1 - MARGIN))
+    limits = path.Limits(*(column for column in _limits(machine)))
     elements = path.elements(*_blended(moves, limits))
-    element, start, law = plan_kernels.law(elements, plan_kernels.speeds(elements, limits))
+    grid, bounds = plan_kernels.cells(elements, limits)
+    b, a, _ = plan_kernels.speeds(grid, bounds, limits)
+    element, start, law = plan_kernels.law(elements, grid, b, a)
     return Trajectory(*elements[:6], element, start, law)
+
+
+def _limits(machine: Machine) -> tuple[NDArray[np.float64], ...]:
+    rows, velocity, acceleration = machine.limit_rows()
+    slack = 1 - MARGIN
+    return rows, velocity * slack, acceleration * slack, machine.jerk_limits() * slack
 
 
 def _blended(
     moves: Moves, limits: Limits
-) -> tuple[Segments, NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the segments of the path, the size of the blends between them, and the rests."""
+) -> tuple[Segments, *tuple[NDArray[np.float64], ...], NDArray[np.bool_]]:
+    """Return the segments of the path, the blends between them, and the rests."""
     from pulsewright.motion import path
 
     kept, tolerance = path.kept_moves(

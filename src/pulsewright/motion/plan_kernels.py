@@ -1,204 +1,718 @@
-"""Compiled speeds and time law of the planner.
+"""Compiled time law of the planner: jerk-limited speeds along the elements of a path.
 
-``b`` is the square of the path speed. Under constant path acceleration ``a`` it is linear in the
-path coordinate s, ``db/ds = 2 a``, and every limit is linear in ``b`` and ``a``::
+``b`` is the square of the path speed v, ``a`` the path acceleration: ``db/ds = 2 a``. The path is
+cut into *cells*: groups of short elements, or parts of long ones. On a cell, the largest magnitudes
+of the derivatives of position along each limited row are known, and limits hold if they hold with
+all of them at once::
 
-    |rows x'' b + rows x' a| <= acceleration
+    first v <= velocity
+    second b + first |a| <= acceleration
+    third v^3 + 3 second v |a| + first |j| <= jerk
+
+What is chosen are ``b`` and ``a`` at the *nodes* between cells. Whatever they are, a time law with
+two pieces of constant jerk on every cell has exactly these values at its ends; so the acceleration
+is continuous by construction, and limits are checked on the law itself.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.compiled import compiled
-from pulsewright.motion.path import Elements, Floats, Limits
+from pulsewright.motion.path import Elements, Floats, Ints, Limits, _peak_cosine
+
+BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
+TWIST_SHARE = 0.5  # of the jerk, for bending at constant speed
+COUPLED_SHARE = 0.5  # of what is left of the jerk, for changing speed where the path bends
+RAMP_SHARE = 0.998  # of the acceleration
+JERK_SHARE = 0.85  # of the jerk; the two pieces of a cell differ a little
+GROUP = 0.25  # of the time in which acceleration builds up: elements passed in it make one cell
+STEP = 0.4  # of that time, in the first cell of a long element
+GROWTH = 1.6  # of cells, from the ends of a long element to its middle
+WIDEST = 0.2  # of a cell on an arc [rad]
+PATIENCE = 9  # rounds before the speed is made steady there
+REPAIRS = 24  # rounds of tightening the limits where the law breaks them
+FLAT = 0.03  # of the change of acceleration that is possible on a cell: as good as none
+TANGENT_SHARE = 0.25  # where a rounded peak ends: its part of a difference in slope
+ROUNDING = 1e-8  # of the limits
+PARTS = 4096  # cells of one element at most
+
+
+class Bounds(NamedTuple):
+    """Largest magnitudes of the derivatives of position by the path coordinate, along each row."""
+
+    first: Floats  # (n, r)
+    second: Floats  # (n, r)
+    third: Floats  # (n, r)
+
+
+class Cells(NamedTuple):
+    """Stretches of the path with common bounds."""
+
+    element: Ints  # (n,) the first element
+    offset: Floats  # (n,) where on it the cell begins
+    size: Floats  # (n,); 0 for a rest
+    feed: Floats  # (n,)
+    rest: NDArray[np.bool_]  # (n,) whether the machine rests at the end
 
 
 @compiled(error_model="numpy")
-def _hull(
-    poly: Floats, rows: Floats, e: int, r: int, h: float
-) -> tuple[float, float, float, float]:
-    """Return, along row ``r`` of blend ``e``, x' at both ends, and the next two derivatives."""
-    first, second, third = 0.0, 0.0, 0.0
-    for axis in range(6):
-        first += rows[r, axis] * poly[e, 1, axis]
-        second += rows[r, axis] * poly[e, 2, axis]
-        third += rows[r, axis] * poly[e, 3, axis]
-    return first, first + (2.0 * second + 3.0 * third * h) * h, 2.0 * second, 6.0 * third
+def _bound(
+    path: Elements, rows: Floats, e: int, begin: float, end: float, bounds: Bounds, at: int
+) -> None:
+    """Raise the bounds of cell ``at`` to those of a part of element ``e``."""
+    w, h = path.omega[e], end - begin
+    for r in range(rows.shape[0]):
+        p1, p2, p3, c, s = 0.0, 0.0, 0.0, 0.0, 0.0
+        for axis in range(6):
+            row = rows[r, axis]
+            if row != 0.0:
+                p1 += row * path.poly[e, 1, axis]
+                p2 += row * path.poly[e, 2, axis]
+                p3 += row * path.poly[e, 3, axis]
+                c += row * path.cosine[e, axis]
+                s += row * path.sine[e, axis]
+        third = abs(6.0 * p3)
+        c0 = 2.0 * p2 + 6.0 * p3 * begin
+        c1 = c0 + 6.0 * p3 * h
+        second = max(abs(c0), abs(c1))
+        e0 = p1 + (2.0 * p2 + 3.0 * p3 * begin) * begin
+        e1 = p1 + (2.0 * p2 + 3.0 * p3 * end) * end
+        first = max(abs(e0), abs(e1))
+        if p3 != 0.0:
+            first = max(first, abs(e0 + 0.5 * c0 * h))
+        if c != 0.0 or s != 0.0:
+            swing, turn = math.hypot(c, s), w * h
+            along = _peak_cosine(math.atan2(-c, s) - w * begin, turn)
+            inward = _peak_cosine(math.atan2(s, c) - w * begin, turn)
+            first += w * swing * along
+            second += w * w * swing * inward
+            third += w**3 * swing * along
+        bounds.first[at, r] = max(bounds.first[at, r], first)
+        bounds.second[at, r] = max(bounds.second[at, r], second)
+        bounds.third[at, r] = max(bounds.third[at, r], third)
 
 
 @compiled(error_model="numpy")
-def _couple(
-    poly: Floats, e: int, h: float, limits: Limits, x: Floats, y: Floats, limit: Floats
+def _cap(bounds: Bounds, at: int, feed: float, limits: Limits) -> float:
+    """Return the largest square of the speed on a cell."""
+    top = feed * feed
+    for r in range(limits.velocity.size):
+        first, second, third = bounds.first[at, r], bounds.second[at, r], bounds.third[at, r]
+        if first > 0.0:
+            top = min(top, (limits.velocity[r] / first) ** 2)
+        if second > 0.0:
+            top = min(top, BEND_SHARE * limits.acceleration[r] / second)
+        if third > 0.0 and top * math.sqrt(top) * third > TWIST_SHARE * limits.jerk[r]:
+            top = (TWIST_SHARE * limits.jerk[r] / third) ** (2 / 3)
+    return top
+
+
+@compiled(error_model="numpy")
+def _graded(
+    begin: float, end: float, first: float, last: float, widest: float, out: Floats, n: int
 ) -> int:
-    """Fill in the limits ``|x b0 + y b1| <= limit`` on ``b`` at both ends of blend ``e``.
-
-    The acceleration on the blend is a polynomial in s of degree 1 for parabolas, 2 for cubics;
-    within limits if its Bernstein coefficients are.
-    """
-    n = 0
-    q = 0.5 / h  # a = (b1 - b0) q
-    for r in range(limits.acceleration.size):
-        e1, e2, c0, jerk = _hull(poly, limits.rows, e, r, h)
-        c1 = c0 + jerk * h
-        x[n], y[n], limit[n] = c0 - q * e1, q * e1, limits.acceleration[r]
-        n += 1
-        if jerk != 0.0:
-            middle = e1 + 0.5 * c0 * h
-            x[n], y[n] = 0.5 * c1 - q * middle, 0.5 * c0 + q * middle
-            limit[n] = limits.acceleration[r]
+    """Put where to cut begin..end after ``out[n]``, finer towards both ends; return the new n."""
+    x, step = begin, min(first, widest)
+    y, back = end, min(last, widest)
+    far = n + (PARTS - n) // 4
+    while y - x > 1.2 * (step + back) and n < far:
+        if step <= back:
+            x += step
             n += 1
-        x[n], y[n], limit[n] = -q * e2, c1 + q * e2, limits.acceleration[r]
+            out[n] = x
+            step = min(step * GROWTH, widest)
+        else:
+            y -= back
+            back = min(back * GROWTH, widest)
+    if y - x > max(step, back):
         n += 1
+        out[n] = 0.5 * (x + y)
+    # the cuts from the end backwards, in order
+    count, at, back = 0, end, min(last, widest)
+    while at > y:
+        at -= back
+        count += 1
+        back = min(back * GROWTH, widest)
+    at, back = end, min(last, widest)
+    for i in range(count):
+        at -= back
+        back = min(back * GROWTH, widest)
+        out[n + count - i] = at
+    n += count + 1
+    out[n] = end
     return n
 
 
 @compiled(error_model="numpy")
-def _interval(
-    x: Floats, y: Floats, limit: Floats, n: int, fixed: float, cap: float
-) -> tuple[float, float, float]:
-    """Return the range of u in 0..cap with ``|x u + y fixed| <= limit``, and du/dfixed on top.
-
-    The range is empty, low above high, where no u will do.
-    """
-    low, high, slope = 0.0, cap, 0.0
-    for j in range(n):
-        if x[j] == 0.0:
-            if abs(y[j] * fixed) > limit[j]:
-                low = math.inf
-            continue
-        middle, reach = -y[j] * fixed / x[j], limit[j] / abs(x[j])
-        low = max(low, middle - reach)
-        if middle + reach < high:
-            high, slope = middle + reach, -y[j] / x[j]
-    return low, high, slope
-
-
-@compiled(error_model="numpy")
-def highest_entry(
-    x: Floats, y: Floats, limit: Floats, n: int, cap: float, exit_cap: float
-) -> float:
-    """Return the largest b0 in 0..cap for which some b1 in 0..exit_cap keeps all limits.
-
-    A linear program in two variables, solved one constraint after the other.
-    """
-    low, high, slope = _interval(x, y, limit, n, exit_cap, cap)
-    if low <= high and slope >= 0.0:
-        return high  # leaving as fast as possible allows the fastest entry: nearly always
-    u, v = cap, exit_cap
-    for j in range(n):
-        value = x[j] * u + y[j] * v
-        if abs(value) <= limit[j]:
-            continue
-        # The optimum lies on this constraint: point (pu, pv) + t (du, dv) with du >= 0.
-        square = x[j] * x[j] + y[j] * y[j]
-        target = math.copysign(limit[j], value)
-        pu, pv = x[j] * target / square, y[j] * target / square
-        du, dv = -y[j], x[j]
-        if du < 0.0 or (du == 0.0 and dv < 0.0):
-            du, dv = -du, -dv
-        last = math.inf
-        for i in range(-2, j):
-            if i < 0:  # 0 <= u <= cap and 0 <= v <= exit_cap
-                rate, centre, reach = du, pu - 0.5 * cap, 0.5 * cap
-                if i == -1:
-                    rate, centre, reach = dv, pv - 0.5 * exit_cap, 0.5 * exit_cap
-            else:
-                rate, centre, reach = x[i] * du + y[i] * dv, x[i] * pu + y[i] * pv, limit[i]
-            if abs(rate) > 1e-14 * math.sqrt(square):
-                last = min(last, (-centre + math.copysign(reach, rate)) / rate)
-        u, v = pu + last * du, pv + last * dv
-    return min(max(u, 0.0), cap)
-
-
-@compiled(error_model="numpy")
-def speeds(path: Elements, limits: Limits) -> Floats:
-    """Return ``b`` at the start of each element, and at the end, shape (m + 1,).
-
-    Backwards: the fastest entry from which rest can still be reached within all limits; forwards:
-    as fast as the limits allow. On each element the possible pairs of ``b`` are convex and hold
-    rest, so the forward pass always finds one.
-    """
-    m, count = path.length.size, limits.velocity.size
-    x, y, limit = np.empty(3 * count), np.empty(3 * count), np.empty(3 * count)
-    cap = np.zeros(m + 1)
-    before = 0.0
+def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
+    """Cut the path into cells: fine where the speed may change, coarse elsewhere."""
+    m, rows = path.length.size, limits.velocity.size
+    whole = Bounds(np.zeros((m, rows)), np.zeros((m, rows)), np.zeros((m, rows)))
+    cap, ramp = np.zeros(m), np.zeros(m)
+    delay = 0.0
+    for r in range(rows):
+        delay = max(delay, limits.acceleration[r] / limits.jerk[r])
+    # second-order speeds at the ends of elements, roughly
+    speed = np.zeros(m + 1)
     for e in range(m):
-        top, h = path.top[e], path.length[e]
-        if path.ramp[e] == 0.0 and h > 0.0:  # the derivative of a blend stays in its hull
-            for r in range(count):
-                e1, e2, c0, _ = _hull(path.poly, limits.rows, e, r, h)
-                fastest = max(abs(e1), abs(e2), abs(e1 + 0.5 * c0 * h))
-                if fastest > 0.0:
-                    top = min(top, (limits.velocity[r] / fastest) ** 2)
+        if path.length[e] == 0.0:
+            continue
+        _bound(path, limits.rows, e, 0.0, path.length[e], whole, e)
+        cap[e] = _cap(whole, e, path.feed[e], limits)
+        ramp[e] = math.inf
+        for r in range(rows):
+            if whole.first[e, r] > 0.0:
+                ramp[e] = min(ramp[e], limits.acceleration[r] / whole.first[e, r])
         if e > 0 and not path.rest[e - 1]:
-            cap[e] = min(before, top)
-        before = top
-    b = np.zeros(m + 1)
+            speed[e] = min(
+                min(cap[e - 1], cap[e]), speed[e - 1] + 2.0 * ramp[e - 1] * path.length[e - 1]
+            )
+    busy = np.empty(m)  # distance to where the speed changes
+    near = math.inf
     for e in range(m - 1, -1, -1):
-        if cap[e] == 0.0:
-            continue
-        if path.ramp[e] > 0.0:
-            b[e] = min(cap[e], b[e + 1] + 2.0 * path.ramp[e] * path.length[e])
-        else:
-            n = _couple(path.poly, e, path.length[e], limits, x, y, limit)
-            b[e] = highest_entry(x, y, limit, n, cap[e], b[e + 1])
+        speed[e] = min(speed[e], speed[e + 1] + 2.0 * ramp[e] * path.length[e])
+        if min(speed[e], speed[e + 1]) < 0.999 * cap[e] or cap[e] == 0.0:
+            near = 0.0
+        busy[e] = near
+        near += path.length[e]
+    near = math.inf
     for e in range(m):
-        if path.ramp[e] > 0.0:
-            b[e + 1] = min(b[e + 1], b[e] + 2.0 * path.ramp[e] * path.length[e])
-        elif path.length[e] > 0.0:
-            n = _couple(path.poly, e, path.length[e], limits, x, y, limit)
-            _, high, _ = _interval(y, x, limit, n, b[e], b[e + 1])
-            b[e + 1] = max(high, 0.0)
-    return b
+        if busy[e] == 0.0:
+            near = 0.0
+        busy[e] = min(busy[e], near)
+        near += path.length[e]
+
+    size = m + 1024
+    element, offset, length = np.empty(size, np.int64), np.empty(size), np.empty(size)
+    cut = np.empty(PARTS)
+    n, e = 0, 0
+    while e < m:
+        count, parts = 1, 1
+        if path.length[e] > 0.0:
+            total, top, low = path.length[e], cap[e], min(speed[e], speed[e + 1])
+            quick = GROUP * delay
+            if path.rest[e] or (e > 0 and path.rest[e - 1]):
+                quick *= 0.25
+            while e + count < m and total < quick * math.sqrt(max(low, 0.05 * top)):
+                j = e + count
+                if path.rest[j - 1] or path.length[j] == 0.0:
+                    break
+                low = min(low, speed[j + 1])
+                top = min(top, cap[j])
+                if total + path.length[j] > quick * math.sqrt(max(low, 0.05 * top)):
+                    break
+                total += path.length[j]
+                count += 1
+            if count == 1 and busy[e] < 2.0 * delay * math.sqrt(top):
+                step = STEP * delay
+                least = 0.01 * delay * delay * ramp[e]  # from rest, 0.4 of the delay
+                begin = max(step * math.sqrt(speed[e]), least)
+                finish = max(step * math.sqrt(speed[e + 1]), least)
+                widest = WIDEST / path.omega[e] if path.omega[e] > 0.0 else math.inf
+                peak = 0.5 * (speed[e] + speed[e + 1]) + ramp[e] * total
+                peak = min(peak, top)
+                up = (peak - speed[e]) / (2.0 * ramp[e])
+                down = total - (peak - speed[e + 1]) / (2.0 * ramp[e])
+                inside = step * math.sqrt(peak)
+                parts, x = 0, 0.0
+                cut[0] = 0.0
+                if up > begin and total - up > 0.5 * finish:
+                    parts = _graded(0.0, up, begin, inside, widest, cut, parts)
+                    x, begin = up, inside
+                if down - x > 0.5 * inside and total - down > 0.5 * finish:
+                    parts = _graded(x, down, begin, inside, widest, cut, parts)
+                    x, begin = down, inside
+                parts = _graded(x, total, begin, finish, widest, cut, parts)
+        else:
+            total = 0.0
+        if n + parts > size:
+            size = 2 * (n + parts)
+            old = element, offset, length
+            element, offset, length = np.empty(size, np.int64), np.empty(size), np.empty(size)
+            element[:n], offset[:n], length[:n] = old[0][:n], old[1][:n], old[2][:n]
+        if parts == 1:
+            element[n], offset[n], length[n] = e, 0.0, total
+            n += 1
+        else:
+            for i in range(parts):
+                element[n], offset[n], length[n] = e, cut[i], cut[i + 1] - cut[i]
+                n += 1
+        e += count
+    feed, rest = np.empty(n), np.zeros(n, np.bool_)
+    bounds = Bounds(np.zeros((n, rows)), np.zeros((n, rows)), np.zeros((n, rows)))
+    for c in range(n):
+        e = element[c]
+        after = element[c + 1] if c + 1 < n else m
+        feed[c] = path.feed[e]
+        if path.length[e] == 0.0:
+            rest[c] = True
+        elif after <= e + 1 and length[c] < path.length[e]:
+            _bound(path, limits.rows, e, offset[c], offset[c] + length[c], bounds, c)
+            rest[c] = after > e and path.rest[e]
+        else:
+            for j in range(e, after):
+                feed[c] = min(feed[c], path.feed[j])
+                for r in range(rows):
+                    bounds.first[c, r] = max(bounds.first[c, r], whole.first[j, r])
+                    bounds.second[c, r] = max(bounds.second[c, r], whole.second[j, r])
+                    bounds.third[c, r] = max(bounds.third[c, r], whole.third[j, r])
+            rest[c] = path.rest[after - 1]
+    return Cells(element[:n], offset[:n], length[:n], feed, rest), bounds
 
 
 @compiled(error_model="numpy")
-def law(path: Elements, b: Floats) -> tuple[NDArray[np.int32], Floats, Floats]:
-    """Return the pieces of the trajectory: element, start and law of each.
+def _free(bounds: Bounds, c: int, b: float, limits: Limits) -> tuple[float, float]:
+    """Return the path acceleration and path jerk that a cell allows at the square of speed ``b``."""
+    v = math.sqrt(b)
+    a, j = math.inf, math.inf
+    for r in range(limits.velocity.size):
+        first, second = bounds.first[c, r], bounds.second[c, r]
+        if first > 0.0:
+            a = min(a, (RAMP_SHARE * limits.acceleration[r] - second * b) / first)
+        if second > 0.0:
+            left = limits.jerk[r] - bounds.third[c, r] * b * v
+            a = min(a, COUPLED_SHARE * left / (3.0 * second * v))
+    for r in range(limits.velocity.size):
+        first = bounds.first[c, r]
+        if first > 0.0:
+            used = bounds.third[c, r] * b * v + 3.0 * bounds.second[c, r] * v * a
+            j = min(j, (JERK_SHARE * limits.jerk[r] - used) / first)
+    return max(a, 0.0), max(j, 0.0)
 
-    A blend is one piece. On a line or arc the machine speeds up, cruises and slows down.
+
+@compiled(error_model="numpy")
+def _gain(v: float, a: float, top: float, jerk: float, size: float) -> tuple[float, float]:
+    """Return ``b`` and ``a`` after ``size``, as the jerk allows but with a at most ``top``."""
+    time = size / v if v > 0.0 else math.inf
+    if a > 0.0:
+        time = min(time, math.sqrt(2.0 * size / a))
+    if v * v * jerk < 36.0 * a * a * a or v * v * v < jerk * size * size:
+        time = min(time, (6.0 * size / jerk) ** (1 / 3))
+    for _ in range(3):
+        rate = v + (a + 0.5 * jerk * time) * time
+        over = (v + (0.5 * a + jerk / 6.0 * time) * time) * time - size
+        time -= over / rate
+    after = a + jerk * time
+    if after > top:
+        return v * v + (a + top) * size, top
+    speed = v + 0.5 * (a + after) * time
+    return speed * speed, after
+
+
+@compiled(error_model="numpy")
+def _climb(
+    size: Floats, b: Floats, a: Floats, ramp: Floats, jerk: Floats, first: int, last: int, way: int,
+    rise: float,
+) -> None:
+    """Lower ``b`` such that the slope grows no faster than the jerk allows, away from ``first``.
+
+    ``rise`` is the slope at ``first``. Where ``b`` keeps its value, ``a`` does; elsewhere it becomes
+    that of the law.
+    """  # fmt: skip
+    i = first
+    while i != last:
+        c = i if way > 0 else i - 1
+        k = i + way
+        rise = min(rise, ramp[c])
+        top = ramp[c] if k == last else min(ramp[c], ramp[c + way])
+        after, slope = _gain(math.sqrt(b[i]), rise, top, jerk[c], size[c])
+        if k != last and after < b[k]:
+            b[k], a[k], rise = after, way * slope, slope
+        else:
+            rise = max(0.0, min(slope, (b[k] - b[i]) / (2.0 * size[c])))
+        i = k
+
+
+@compiled(error_model="numpy")
+def _round_peaks(
+    size: Floats,
+    b: Floats,
+    a: Floats,
+    jerk: Floats,
+    first: int,
+    last: int,
+    node: Ints,
+    span: Floats,
+    moment: Floats,
+    weight: Floats,
+) -> None:
+    """Lower ``b`` such that the slope falls no faster than the jerk allows.
+
+    With ``da/ds >= -u`` given, these are convex functions, less one with the curvature -2 u
+    everywhere; so the largest one is a lower convex hull.
     """
-    m = path.length.size
-    element, start = np.empty(3 * m, np.int32), np.zeros(3 * m + 1)
-    piece = np.zeros((3 * m, 4))
-    span, speed, rate = np.empty(3), np.empty(4), np.zeros(3)
+    n = 0
+    node[0] = first
+    for k in range(first + 1, last + 1):
+        c = k - 1
+        u = jerk[c] / math.sqrt(max(max(b[c], b[k]), 1e-12))
+        # from the node before: distance, integral of u, and integral of that
+        x, w, q = size[c], u * size[c], 0.5 * u * size[c] * size[c]
+        while n > 0:
+            i, j = node[n - 1], node[n]
+            before = (b[j] - b[i] + 2.0 * moment[n]) / (2.0 * span[n]) - weight[n]
+            after = (b[k] - b[j] + 2.0 * q) / (2.0 * x)
+            if before < after:
+                break
+            q += moment[n] + weight[n] * x
+            w += weight[n]
+            x += span[n]
+            n -= 1
+        n += 1
+        node[n], span[n], moment[n], weight[n] = k, x, q, w
+    for p in range(1, n + 1):
+        i, k = node[p - 1], node[p]
+        if k == i + 1:
+            continue
+        rate = (b[k] - b[i] + 2.0 * moment[p]) / (2.0 * span[p])
+        if i > first and not math.isnan(a[i]):
+            a[i] += TANGENT_SHARE * (rate - a[i])
+        here = b[i]
+        old = b[i]
+        for j in range(i + 1, k):
+            c = j - 1
+            u = jerk[c] / math.sqrt(max(max(old, b[j]), 1e-12))
+            old = b[j]
+            here += (2.0 * rate - u * size[c]) * size[c]
+            rate -= u * size[c]
+            if here < b[j]:
+                b[j], a[j] = max(here, 0.0), rate
+        rate -= jerk[k - 1] / math.sqrt(max(max(old, b[k]), 1e-12)) * size[k - 1]
+        if k < last and not math.isnan(a[k]):
+            a[k] += TANGENT_SHARE * (rate - a[k])
+
+
+@compiled(error_model="numpy")
+def _slope(b: Floats, size: Floats, jerk: Floats, i: int) -> float:
+    """Return ``a`` at a node between cells where ``b`` is at its limit."""
+    x, y = size[i - 1], size[i]
+    left, right = 0.5 * (b[i] - b[i - 1]) / x, 0.5 * (b[i + 1] - b[i]) / y
+    most = FLAT / math.sqrt(b[i]) if b[i] > 0.0 else 0.0
+    flat = abs(left) <= most * jerk[i - 1] * x or abs(right) <= most * jerk[i] * y
+    if flat or left < 0.0 < right:  # the lowest place: whatever climbs from it, begins so
+        return 0.0
+    return (left * y + right * x) / (x + y)
+
+
+@compiled(error_model="numpy")
+def _halves(
+    b0: float, b1: float, a0: float, a1: float, size: float
+) -> tuple[float, float, float, float]:
+    """Return time, acceleration and speed in the middle, and 0 or more if there is a solution.
+
+    Two pieces of constant jerk, each of that time, lead from one state to the other over ``size``.
+    """
+    v0, v1 = math.sqrt(b0), math.sqrt(b1)
+    square = (v0 + v1) ** 2 + 4.0 / 3.0 * size * (a0 - a1)
+    if square <= 0.0:
+        return 1.0, 0.0, 0.0, -1.0
+    h = 2.0 * size / (v0 + v1 + math.sqrt(square))
+    middle = (v1 - v0) / h - 0.5 * (a0 + a1)
+    return h, middle, v0 + 0.5 * h * (a0 + middle), 1.0
+
+
+@compiled(error_model="numpy")
+def _use(
+    bounds: Bounds, c: int, feed: float, b: Floats, a: Floats, size: float, limits: Limits
+) -> tuple[float, float, float]:
+    """Return the used shares of velocity, acceleration and jerk on a cell, at worst."""
+    a0, a1 = a[c], a[c + 1]
+    h, am, vm, fine = _halves(b[c], b[c + 1], a0, a1, size)
+    if fine < 0.0:
+        return 1.0, 1.0, 8.0
+    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+    top, low = max(max(v0, v1), vm), vm
+    if a0 * am < 0.0:  # an extreme inside the first half
+        inside = v0 + 0.5 * a0 * h * a0 / (a0 - am)
+        top, low = max(top, inside), min(low, inside)
+    if am * a1 < 0.0:
+        inside = vm + 0.5 * am * h * am / (am - a1)
+        top, low = max(top, inside), min(low, inside)
+    if low < 0.0:
+        return 1.0, 1.0, 8.0
+    rate = max(max(abs(a0), abs(a1)), abs(am))
+    j = max(abs(am - a0), abs(a1 - am)) / h
+    velocity, acceleration, jerk = top / feed, 0.0, 0.0
+    for r in range(limits.velocity.size):
+        first, second, third = bounds.first[c, r], bounds.second[c, r], bounds.third[c, r]
+        velocity = max(velocity, first * top / limits.velocity[r])
+        acceleration = max(acceleration, (second * top * top + first * rate) / limits.acceleration[r])
+        used = third * top * top * top + 3.0 * second * top * rate + first * j
+        jerk = max(jerk, used / limits.jerk[r])
+    return velocity, acceleration, jerk
+
+
+class Task(NamedTuple):
+    """What speeds are planned from, and what is tightened on the way."""
+
+    cells: Cells
+    bounds: Bounds
+    limits: Limits
+    cap: Floats  # (n,) largest b on a cell
+    ease: Floats  # (n,) share of it and of the acceleration
+    soft: Floats  # (n,) share of the jerk
+    ramp: Floats  # (n,) path acceleration left
+    jerk: Floats  # (n,) path jerk left
+    node: Ints  # (n + 1,) scratch
+    work: Floats  # (3, n + 1) scratch
+
+
+@compiled(error_model="numpy")
+def speeds(grid: Cells, bounds: Bounds, limits: Limits) -> tuple[Floats, Floats, Ints]:
+    """Return ``b`` and ``a`` at the nodes, (n + 1,), and counts of what was repaired.
+
+    From rest to rest: the second-order optimum, then what the jerk takes from it, see `_climb` and
+    `_round_peaks`. Where the law of a cell breaks a limit, limits are tightened there and the speeds
+    around it are planned again; a run that does not come to an end is slowed down as a whole.
+    """
+    n = grid.size.size
+    b, a = np.zeros(n + 1), np.zeros(n + 1)
+    task = Task(
+        grid, bounds, limits, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
+        np.empty(n + 1, np.int64), np.empty((3, n + 1)),
+    )  # fmt: skip
+    repaired = np.zeros(3, np.int64)
+    broken = np.zeros(n, np.bool_)
+    for c in range(n):
+        if grid.size[c] > 0.0:
+            task.cap[c] = _cap(bounds, c, grid.feed[c], limits)
+    first = 0
+    while first < n:
+        last = first
+        while not grid.rest[last]:
+            last += 1
+        last += 1  # nodes first..last, cells first..last - 1
+        if grid.size[first] > 0.0:
+            _fit(task, b, a, first, last)
+            left = _check(task, b, a, first, last, broken, 0)
+            for trial in range(REPAIRS):
+                if left == 0:
+                    break
+                left = 0
+                c = first
+                reach = 4 << min(trial, 20)
+                while c < last:
+                    if not broken[c]:
+                        c += 1
+                        continue
+                    low, high = max(first, c - reach), c + 1
+                    while c < min(last, high + reach):
+                        if broken[c]:
+                            high = c + 1
+                        c += 1
+                    high = min(last, high + reach)
+                    repaired[0] += 1
+                    repaired[1] += high - low
+                    _fit(task, b, a, low, high)
+                    left += _check(task, b, a, low, high, broken, trial + 1)
+                    c = high
+            if left > 0:
+                repaired[2] += 1
+                _slow_down(task, b, a, first, last)
+        first = last
+    return b, a, repaired
+
+
+@compiled(error_model="numpy")
+def _check(
+    task: Task, b: Floats, a: Floats, first: int, last: int, broken: NDArray[np.bool_], trial: int
+) -> int:
+    """Find the cells whose law breaks a limit, tighten limits there, and return how many."""
+    count, size = 0, task.cells.size
+    for c in range(first, last):
+        v, s, j = _use(task.bounds, c, task.cells.feed[c], b, a, size[c], task.limits)
+        broken[c] = not max(max(v, s), j) <= 1.0 + ROUNDING
+        if not broken[c] or _evened(task, b, a, first, last, c):
+            broken[c] = False
+            continue
+        count += 1
+        if trial >= PATIENCE:  # drive steadily there: that needs neither acceleration nor jerk
+            wide = trial - PATIENCE + 2
+            begin, end = max(first, c - wide), min(last, c + 1 + wide)
+            level = math.inf
+            for i in range(begin, end + 1):
+                level = min(level, b[i])
+            for near in range(begin, end):
+                task.soft[near] *= 0.9
+                task.ease[near] = min(task.ease[near], max(0.95 * level / task.cap[near], 1e-3))
+            continue
+        for near in range(max(first, c - 1), min(last, c + 2)):
+            if not j <= 1.0 + ROUNDING:
+                task.soft[near] *= max(0.6, 0.95 / j)
+            else:
+                task.ease[near] *= 0.99 / max(v * v, s)
+    return count
+
+
+@compiled(error_model="numpy")
+def _evened(task: Task, b: Floats, a: Floats, first: int, last: int, c: int) -> bool:
+    """Try other accelerations at the nodes around a cell, such that the jerk is as continuous.
+
+    Keep them if all cells that they touch hold their limits.
+    """
+    size = task.cells.size
+    begin, end = max(first + 1, c - 1), min(last - 1, c + 2)  # nodes that may change
+    if begin > end:
+        return False
+    old = a[begin : end + 1].copy()
+    for _ in range(4):
+        for i in range(begin, end + 1):
+            h, middle, _v, fine = _halves(b[i - 1], b[i], a[i - 1], a[i], size[i - 1])
+            k, center, _w, good = _halves(b[i], b[i + 1], a[i], a[i + 1], size[i])
+            if fine < 0.0 or good < 0.0:
+                break
+            left, right = middle + 0.5 * a[i], center + 0.5 * a[i]
+            a[i] = (left / h + right / k) / (1.5 / h + 1.5 / k)
+            top = min(task.ramp[i - 1], task.ramp[i])
+            a[i] = min(max(a[i], -top), top)
+    worst = 0.0
+    for near in range(begin - 1, end + 1):
+        v, s, j = _use(task.bounds, near, task.cells.feed[near], b, a, size[near], task.limits)
+        worst = max(max(worst, v), max(s, j))
+    if worst <= 1.0 + ROUNDING:
+        return True
+    a[begin : end + 1] = old
+    return False
+
+
+@compiled(error_model="numpy")
+def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
+    """Let time pass more slowly from rest to rest, such that all limits hold."""
+    worst = 1.0
+    for c in range(first, last):
+        v, s, j = _use(task.bounds, c, task.cells.feed[c], b, a, task.cells.size[c], task.limits)
+        worst = max(max(worst, v), max(math.sqrt(s), j ** (1 / 3)))
+    for i in range(first, last + 1):
+        b[i] /= worst * worst
+        a[i] /= worst * worst
+
+
+@compiled(error_model="numpy")
+def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
+    """Plan ``b`` and ``a`` between two nodes, whose values are given."""
+    size, ramp, jerk = task.cells.size, task.ramp, task.jerk
+    _envelope(task, b, first, last)
+    begin, end = a[first], a[last]
+    for i in range(first, last + 1):
+        a[i] = math.nan
+    _climb(size, b, a, ramp, jerk, first, last, 1, max(begin, 0.0))
+    _climb(size, b, a, ramp, jerk, last, first, -1, max(-end, 0.0))
+    _round_peaks(size, b, a, jerk, first, last, task.node, task.work[0], task.work[1], task.work[2])
+    a[first], a[last] = begin, end
+    for i in range(first + 1, last):
+        if math.isnan(a[i]):
+            a[i] = _slope(b, size, jerk, i)
+        top = min(ramp[i - 1], ramp[i])
+        a[i] = min(max(a[i], -top), top)
+
+
+@compiled(error_model="numpy")
+def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
+    """Put the second-order optimum into ``b``, and what it leaves free on the cells."""
+    bounds, limits, size, ease = task.bounds, task.limits, task.cells.size, task.ease
+    count = limits.velocity.size
+    for c in range(first + 1, last):
+        b[c] = min(task.cap[c - 1] * ease[c - 1], task.cap[c] * ease[c])
+    for c in range(last - 1, first, -1):
+        b[c] = min(b[c], _reach(bounds, limits, ease[c], c, size[c], b[c + 1], count))
+    for c in range(first, last):
+        if c + 1 < last:
+            b[c + 1] = min(b[c + 1], _reach(bounds, limits, ease[c], c, size[c], b[c], count))
+        free, j = _free(bounds, c, max(b[c], b[c + 1]), limits)
+        task.ramp[c], task.jerk[c] = free * ease[c], j * task.soft[c]
+    ramp, jerk = task.ramp, task.jerk
+    for c in range(first + 1, last):
+        gain = jerk[c] * size[c] / math.sqrt(max(b[c], b[c + 1]))
+        ramp[c] = min(ramp[c], ramp[c - 1] + gain)
+    for c in range(last - 2, first - 1, -1):
+        gain = jerk[c] * size[c] / math.sqrt(max(b[c], b[c + 1]))
+        ramp[c] = min(ramp[c], ramp[c + 1] + gain)
+
+
+@compiled(error_model="numpy", inline="always")
+def _reach(
+    bounds: Bounds, limits: Limits, ease: float, c: int, size: float, b: float, count: int
+) -> float:
+    """Return the largest ``b`` at the other end of a cell, by the acceleration."""
+    free, q = math.inf, 0.5 / size
+    for r in range(count):
+        x = bounds.first[c, r] * q
+        if x > 0.0:
+            limit = ease * RAMP_SHARE * limits.acceleration[r]
+            free = min(free, (limit + x * b) / (bounds.second[c, r] + x))
+    return max(free, b)
+
+
+@compiled(error_model="numpy")
+def law(
+    path: Elements, grid: Cells, b: Floats, a: Floats
+) -> tuple[NDArray[np.int32], Floats, Floats]:
+    """Return the pieces of the trajectory: element, start and law of each."""
+    n, m = grid.size.size, path.length.size
+    most = 2 * n + m + 1
+    element, start = np.empty(most, np.int32), np.zeros(most + 1)
+    piece = np.zeros((most, 4))
     k, time, lost = 0, 0.0, 0.0  # compensated sum: errors do not grow
-    for e in range(m):
-        size, ramp = path.length[e], path.ramp[e]
-        speed[0], speed[3] = math.sqrt(b[e]), math.sqrt(b[e + 1])
-        span[0], span[1], span[2] = 0.0, size, 0.0
-        if size == 0.0:
+    for c in range(n):
+        e, s = grid.element[c], grid.offset[c]
+        if grid.size[c] == 0.0:
             time += path.dwell[e]
             element[k], start[k + 1] = e, time
             k += 1
             continue
-        if ramp > 0.0:
-            peak = min(path.top[e], 0.5 * (b[e] + b[e + 1]) + ramp * size)
-            span[0] = min(max(peak - b[e], 0.0) / (2.0 * ramp), size)
-            span[2] = min(max(peak - b[e + 1], 0.0) / (2.0 * ramp), size - span[0])
-            span[1] = size - span[0] - span[2]
-            if span[1] <= 1e-12 * size:
-                span[1] = 0.0
-            speed[1] = speed[2] = math.sqrt(peak)
-            rate[0], rate[1], rate[2] = ramp, 0.0, -ramp
-        else:
-            speed[1], speed[2] = speed[0], speed[3]
-            rate[1] = (b[e + 1] - b[e]) / (2.0 * size)
-        for i in range(3):
-            if span[i] <= 0.0:
-                continue
-            step = 2.0 * span[i] / (speed[i] + speed[i + 1]) - lost
-            now = time + step
-            lost = (now - time) - step
-            if now > time:  # what rounding makes instantaneous is left out
-                element[k] = e
-                piece[k, 0] = 0.0 if i == 0 else span[0] if i == 1 else size - span[2]
-                piece[k, 1], piece[k, 2] = speed[i], 0.5 * rate[i]
-                k += 1
-                start[k] = now
-            time = now
+        after = grid.element[c + 1] if c + 1 < n else m
+        final = max(after - 1, e)  # the last element of the cell
+        h, middle, vm, _ = _halves(b[c], b[c + 1], a[c], a[c + 1], grid.size[c])
+        for half in range(2):
+            v, x = (math.sqrt(b[c]), a[c]) if half == 0 else (vm, middle)
+            end = middle if half == 0 else a[c + 1]
+            j, left = (end - x) / h, h
+            while True:
+                room = path.length[e] - s
+                step = (v + (0.5 * x + j / 6.0 * left) * left) * left
+                crossing = e < final and step > room * (1.0 - 1e-13)
+                span = left
+                if crossing:
+                    span = min(room / v, left) if v > 0.0 else left
+                    for _ in range(20):
+                        over = (v + (0.5 * x + j / 6.0 * span) * span) * span - room
+                        rate = v + (x + 0.5 * j * span) * span
+                        change = over / rate
+                        span = min(max(span - change, 0.0), left)
+                        if abs(change) <= 1e-15 * left:
+                            break
+                same = (
+                    k > 0
+                    and j == 0.0
+                    and x == 0.0
+                    and element[k - 1] == e
+                    and piece[k - 1, 1] == v
+                    and piece[k - 1, 2] == 0.0
+                    and piece[k - 1, 3] == 0.0
+                )
+                step = span - lost
+                now = time + step
+                lost = (now - time) - step
+                if same:
+                    start[k] = now
+                elif now > time:  # what rounding makes instantaneous is left out
+                    element[k] = e
+                    piece[k, 0], piece[k, 1] = s, v
+                    piece[k, 2], piece[k, 3] = 0.5 * x, j / 6.0
+                    k += 1
+                    start[k] = now
+                time = now
+                if not crossing:
+                    s += (v + (0.5 * x + j / 6.0 * span) * span) * span
+                    break
+                v += (x + 0.5 * j * span) * span
+                x += j * span
+                left -= span
+                e += 1
+                s = 0.0
     return element[:k], start[: k + 1], piece[:k]

@@ -1,0 +1,238 @@
+"""Compiled bounds of the certificate: branch and bound over time, with intervals.
+
+On a part of a piece, the path coordinate and its rates, and the derivatives of the geometry, lie in
+intervals; so do velocity, acceleration and jerk along a row. A part whose upper bound could be the
+worst of all is halved until upper bound and actual values agree.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pulsewright.compiled import compiled
+
+Floats = NDArray[np.float64]
+
+DEPTH = 40  # halvings of a piece at most, where a limit is in question
+FINE = 5  # where the limit holds
+CLOSE = 1e-3  # of the bound: upper bound and actual value agree, as far as the limit holds
+
+
+@compiled(error_model="numpy")
+def _product(a: float, b: float, c: float, d: float) -> tuple[float, float]:
+    """Return the interval of products of a..b and c..d."""
+    p, q, r, s = a * c, a * d, b * c, b * d
+    return min(min(p, q), min(r, s)), max(max(p, q), max(r, s))
+
+
+@compiled(error_model="numpy")
+def _wave(c: float, d: float, low: float, high: float) -> tuple[float, float]:
+    """Return the interval of ``c cos(u) + d sin(u)`` for u in low..high."""
+    size, phase = math.hypot(c, d), math.atan2(d, c)
+    first = c * math.cos(low) + d * math.sin(low)
+    last = c * math.cos(high) + d * math.sin(high)
+    least, most = min(first, last), max(first, last)
+    turn = 2.0 * math.pi
+    if math.ceil((low - phase) / turn) * turn + phase <= high:
+        most = size
+    if math.ceil((low - phase - math.pi) / turn) * turn + phase + math.pi <= high:
+        least = -size
+    return least, most
+
+
+@compiled(error_model="numpy")
+def _quadratic(a: float, b: float, c: float, low: float, high: float) -> tuple[float, float]:
+    """Return the interval of ``a + b u + c u^2`` for u in low..high."""
+    first, last = a + (b + c * low) * low, a + (b + c * high) * high
+    least, most = min(first, last), max(first, last)
+    if c != 0.0:
+        at = -0.5 * b / c
+        if low < at < high:
+            value = a + 0.5 * b * at
+            least, most = min(least, value), max(most, value)
+    return least, most
+
+
+@compiled(error_model="numpy")
+def _interval(
+    p: Floats, w: float, law: Floats, low: float, high: float
+) -> tuple[float, float, float]:
+    """Return upper bounds of velocity, acceleration and jerk along a row from low to high.
+
+    ``p`` (5,) has the row's derivatives of the polynomial, and its cosine and sine.
+    """
+    c0, c1, c2, c3 = law[0], law[1], law[2], law[3]
+    s0 = c0 + (c1 + (c2 + c3 * low) * low) * low
+    s1 = c0 + (c1 + (c2 + c3 * high) * high) * high
+    v0, v1 = _quadratic(c1, 2.0 * c2, 3.0 * c3, low, high)
+    a0, a1 = 2.0 * c2 + 6.0 * c3 * low, 2.0 * c2 + 6.0 * c3 * high
+    if a0 > a1:
+        a0, a1 = a1, a0
+    j = 6.0 * c3
+    if v0 < 0.0:  # not monotonic, or so by rounding
+        s0, s1 = min(s0, s1) + v0 * (high - low), max(s0, s1) - v0 * (high - low)
+    d0, d1 = _quadratic(p[0], 2.0 * p[1], 3.0 * p[2], s0, s1)
+    e0, e1 = 2.0 * p[1] + 6.0 * p[2] * s0, 2.0 * p[1] + 6.0 * p[2] * s1
+    if e0 > e1:
+        e0, e1 = e1, e0
+    f0 = f1 = 6.0 * p[2]
+    if w != 0.0 and (p[3] != 0.0 or p[4] != 0.0):
+        least, most = _wave(w * p[4], -w * p[3], w * s0, w * s1)
+        d0, d1 = d0 + least, d1 + most
+        f0, f1 = f0 - w * w * most, f1 - w * w * least
+        least, most = _wave(-w * w * p[3], -w * w * p[4], w * s0, w * s1)
+        e0, e1 = e0 + least, e1 + most
+    velocity = max(abs(d0), abs(d1)) * max(abs(v0), abs(v1))
+    q0, q1 = _product(v0, v1, v0, v1)
+    x0, x1 = _product(e0, e1, max(q0, 0.0), q1)
+    y0, y1 = _product(d0, d1, a0, a1)
+    acceleration = max(abs(x0 + y0), abs(x1 + y1))
+    q0, q1 = _product(max(q0, 0.0), q1, v0, v1)
+    x0, x1 = _product(f0, f1, q0, q1)
+    q0, q1 = _product(v0, v1, a0, a1)
+    y0, y1 = _product(e0, e1, 3.0 * q0, 3.0 * q1)
+    z0, z1 = _product(d0, d1, j, j)
+    jerk = max(abs(x0 + y0 + z0), abs(x1 + y1 + z1))
+    return velocity, acceleration, jerk
+
+
+@compiled(error_model="numpy")
+def _enough(actual: float, most: float, deep: int) -> float:
+    """Return the upper bound that need not be made sharper, as a share of the limit."""
+    if deep >= FINE:
+        return 1.0
+    return min(max(actual * (1.0 + CLOSE), most), 1.0)
+
+
+@compiled(error_model="numpy")
+def worst(
+    poly: Floats,
+    cosine: Floats,
+    sine: Floats,
+    omega: Floats,
+    element: NDArray[np.int32],
+    start: Floats,
+    law: Floats,
+    rows: Floats,
+    limit: Floats,
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Return how far each limit is used at most, and on which piece, both (3, r).
+
+    ``limit`` (3, r) has those of velocity, acceleration and jerk along ``rows`` (r, axes). A
+    negative path velocity counts as infinite.
+    """
+    count, axes = rows.shape
+    most, actual = np.zeros((3, count)), np.zeros((3, count))
+    where = np.zeros((3, count), np.int64)
+    p, value = np.empty(5), np.empty(3)
+    begin, end, depth = np.empty(2 * DEPTH), np.empty(2 * DEPTH), np.empty(2 * DEPTH, np.int64)
+    for k in range(element.size):
+        e, time = element[k], start[k + 1] - start[k]
+        if law[k, 1] == 0.0 and law[k, 2] == 0.0 and law[k, 3] == 0.0:
+            continue
+        for r in range(count):
+            p[:] = 0.0
+            for axis in range(axes):
+                row = rows[r, axis]
+                if row != 0.0:
+                    for n in range(3):
+                        p[n] += row * poly[e, n + 1, axis]
+                    p[3] += row * cosine[e, axis]
+                    p[4] += row * sine[e, axis]
+            if not p.any():
+                continue
+            n = 0
+            begin[0], end[0], depth[0] = 0.0, time, 0
+            while n >= 0:
+                low, high, deep = begin[n], end[n], depth[n]
+                n -= 1
+                value[0], value[1], value[2] = _interval(p, omega[e], law[k], low, high)
+                settled = True
+                for q in range(3):
+                    value[q] /= limit[q, r]
+                    settled &= value[q] <= _enough(actual[q, r], most[q, r], deep)
+                if not settled and deep < DEPTH:
+                    middle = 0.5 * (low + high)
+                    for at in (low, middle, high):
+                        here = _interval(p, omega[e], law[k], at, at)
+                        for q in range(3):
+                            actual[q, r] = max(actual[q, r], here[q] / limit[q, r])
+                    settled = True
+                    for q in range(3):
+                        settled &= value[q] <= _enough(actual[q, r], most[q, r], deep)
+                    if not settled:
+                        n += 1
+                        begin[n], end[n], depth[n] = low, middle, deep + 1
+                        n += 1
+                        begin[n], end[n], depth[n] = middle, high, deep + 1
+                        continue
+                for q in range(3):
+                    if not value[q] <= most[q, r]:
+                        most[q, r], where[q, r] = value[q], k
+    return most, where
+
+
+@compiled(error_model="numpy")
+def jumps(
+    poly: Floats,
+    cosine: Floats,
+    sine: Floats,
+    omega: Floats,
+    element: NDArray[np.int32],
+    start: Floats,
+    law: Floats,
+) -> Floats:
+    """Return the largest jumps of position, velocity and acceleration between pieces, (3,).
+
+    Before the first and after the last piece the machine rests.
+    """
+    axes = poly.shape[2]
+    largest, before, after = np.zeros(3), np.zeros((3, axes)), np.zeros((3, axes))
+    for k in range(element.size + 1):
+        if k < element.size:
+            _state(poly, cosine, sine, omega, element[k], law[k], 0.0, after)
+        else:
+            after[1:] = 0.0
+        if k == 0:
+            before[0] = after[0]
+        elif k == element.size:
+            after[0] = before[0]
+        for q in range(3):
+            for axis in range(axes):
+                jump = abs(after[q, axis] - before[q, axis])
+                if not jump <= largest[q]:
+                    largest[q] = jump
+        if k < element.size:
+            time = start[k + 1] - start[k]
+            _state(poly, cosine, sine, omega, element[k], law[k], time, before)
+    return largest
+
+
+@compiled(error_model="numpy")
+def _state(
+    poly: Floats,
+    cosine: Floats,
+    sine: Floats,
+    omega: Floats,
+    e: int,
+    law: Floats,
+    t: float,
+    out: Floats,
+) -> None:
+    """Put position, velocity and acceleration at a time on a piece into ``out``."""
+    s = law[0] + (law[1] + (law[2] + law[3] * t) * t) * t
+    v = law[1] + (2.0 * law[2] + 3.0 * law[3] * t) * t
+    a = 2.0 * law[2] + 6.0 * law[3] * t
+    w = omega[e]
+    cos, sin = math.cos(w * s), math.sin(w * s)
+    for axis in range(poly.shape[2]):
+        p1, p2, p3 = poly[e, 1, axis], poly[e, 2, axis], poly[e, 3, axis]
+        c, d = cosine[e, axis], sine[e, axis]
+        first = p1 + (2.0 * p2 + 3.0 * p3 * s) * s + w * (d * cos - c * sin)
+        second = 2.0 * p2 + 6.0 * p3 * s - w * w * (c * cos + d * sin)
+        out[0, axis] = poly[e, 0, axis] + (p1 + (p2 + p3 * s) * s) * s + c * cos + d * sin
+        out[1, axis] = first * v
+        out[2, axis] = second * v * v + first * a

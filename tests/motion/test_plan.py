@@ -16,7 +16,9 @@ from pulsewright.motion.machine import Machine
 from pulsewright.motion.moves import MoveKind, Moves, Plane
 from pulsewright.motion.plan import begin_times, plan
 
-MACHINE = Machine.default()  # X, Y, Z: 60 mm/s, 500 mm/s^2; A: 180 degrees/s, 1000 degrees/s^2
+# X, Y, Z: 60 mm/s, 500 mm/s^2; A: 180 degrees/s, 1000 degrees/s^2; all in 0.025 s at that
+MACHINE = Machine.default()
+RISE = 0.025
 
 
 def program(steps, *, start=(0, 0, 0), tolerance=0.01):
@@ -70,89 +72,100 @@ def planned(moves, machine=MACHINE):
     return trajectory
 
 
-def test_long_move_is_a_trapezoid():
-    # 50 mm/s reached after 0.1 s and 2.5 mm: 0.1 + 95/50 + 0.1 s
+def close(duration, ideal, *, slack):
+    """Check that a plan is not faster than physics allow, and hardly slower."""
+    assert ideal * (1 - 1e-6) <= duration <= ideal * (1 + slack)
+
+
+def test_long_move_is_a_trapezoid_with_rounded_corners():
+    # to 50 mm/s in 0.1 s + 0.025 s, at half that speed in the mean
     trajectory = planned(program([((100, 0), 50)]))
-    assert trajectory.duration == pytest.approx(2.1, rel=1e-6)
-    assert len(trajectory.law) == 3
-    assert trajectory.at(0.1)[0, 0] == pytest.approx(2.5, rel=1e-6)
+    close(trajectory.duration, 100 / 50 + 0.1 + RISE, slack=0.005)
     assert trajectory.at(1.0, 1)[0, 0] == pytest.approx(50)
-    assert trajectory.at(0.05, 2)[0, 0] == pytest.approx(500, rel=1e-6)
-    assert trajectory.at(2.05, 2)[0, 0] == pytest.approx(-500, rel=1e-6)
+    time = np.linspace(0, trajectory.duration, 1000)
+    assert 490 <= trajectory.at(time, 2)[:, 0].max() <= 500
+    assert 16_000 <= trajectory.at(time, 3)[:, 0].max() <= 20_000
     assert trajectory.at(9.0)[0].tolist() == [100, 0, 0, 0, 0, 0]
 
 
-def test_short_move_is_a_triangle():
-    # 2 mm at 500 mm/s^2: 2 sqrt(2 / 500) s, at most sqrt(500 * 2) = 31.6 mm/s
+def test_short_move_reaches_its_acceleration_only():
+    # T/2 = x: 2 mm = 500 (x - 0.025) x
     trajectory = planned(program([((2, 0), 50)]))
-    assert trajectory.duration == pytest.approx(2 * math.sqrt(2 / 500), rel=1e-6)
-    assert len(trajectory.law) == 2
+    close(trajectory.duration, 2 * (RISE / 2 + math.hypot(RISE / 2, math.sqrt(2 / 500))), slack=0.06)
+
+
+def test_shorter_move_is_limited_by_jerk_alone():
+    # a quarter of the time each: up to some acceleration, down to its opposite, and back
+    trajectory = planned(program([((0.1, 0), 50)]))
+    close(trajectory.duration, 4 * (0.1 / 2 / 20_000) ** (1 / 3), slack=0.1)
 
 
 def test_rapid_uses_both_axes_to_their_limits():
-    # along the diagonal each axis does 60 mm/s after 0.12 s and 3.6 mm
+    # along the diagonal each axis does 60 mm/s after 0.12 s + 0.025 s
     trajectory = planned(program([((90, 90), None)]))
-    assert trajectory.duration == pytest.approx(0.24 + (90 - 7.2) / 60, rel=1e-6)
+    close(trajectory.duration, 90 / 60 + 0.12 + RISE, slack=0.005)
 
 
 def test_slow_axis_limits_a_mixed_move():
     # 10 mm while A turns 180 degrees: A does 180 degrees/s after 0.18 s, X follows at 10 mm/s
     trajectory = planned(program([((10, 0, 0, 180), 50)]))
-    assert trajectory.duration == pytest.approx(1 + 0.18, rel=1e-6)
+    close(trajectory.duration, 1 + 0.18 + RISE, slack=0.01)
 
 
 def test_rotary_feed_is_in_degrees():
     # 90 degrees/s after 0.09 s
     trajectory = planned(program([((0, 0, 0, 180), 90)]))
-    assert trajectory.duration == pytest.approx(2 + 0.09, rel=1e-6)
+    close(trajectory.duration, 2 + 0.09 + RISE, slack=0.005)
 
 
 def test_zero_tolerance_stops_in_every_corner():
     square = [((100, 0), 50), ((100, 100), 50), ((0, 100), 50), ((0, 0), 50)]
     trajectory = planned(program(square, tolerance=0))
-    assert trajectory.duration == pytest.approx(4 * 2.1, rel=1e-6)
+    close(trajectory.duration, 4 * (2.1 + RISE), slack=0.005)
+    begin = begin_times(trajectory, 4)
     for corner, end in enumerate([(100, 0), (100, 100), (0, 100), (0, 0)], start=1):
-        assert trajectory.at(2.1 * corner)[0, :2] == pytest.approx(end, abs=1e-4)
+        assert trajectory.at(begin[corner])[0, :2] == pytest.approx(end, abs=1e-9)
+        assert abs(trajectory.at(begin[corner], 2)).max() < 1e-3
 
 
-def test_square_corner_is_a_parabola_of_the_allowed_size():
-    # |e2 - e1| = sqrt 2: d = 4 * 0.1 / sqrt 2. On X, x'' = 1 / 2d: v^2 = 500 * 2d in the corner.
-    # The side between is 100 - 2d; it takes all the acceleration down to v.
-    d, tolerance = 0.4 / math.sqrt(2), 0.1
-    v = math.sqrt(1000 * d)
+def test_square_corner_takes_all_of_the_tolerance():
+    tolerance = 0.1
     trajectory = planned(program([((100, 0), 50), ((100, 100), 50)], tolerance=tolerance))
-    side = 50 / 500 + (50 - v) / 500
-    side += (100 - d - 2.5 - (2500 - v * v) / 1000) / 50
-    assert trajectory.duration == pytest.approx(2 * side + 2 * d / v, rel=1e-6)
-    corner = trajectory.at(trajectory.duration / 2)[0, :2]
+    corner = trajectory.at(begin_times(trajectory, 2)[1])[0, :2]
     assert math.dist(corner, (100, 0)) == pytest.approx(tolerance, rel=1e-6)
+    assert corner[0] == pytest.approx(100 + -corner[1])  # on the bisector
+    speed = np.hypot(*trajectory.at(begin_times(trajectory, 2)[1], 1)[0, :2])
+    # the middle of the blend turns with 1 / d, d = 6 * 0.1 / sqrt 2, on each axis
+    assert 5 <= speed <= math.sqrt(500 * 0.6 / math.sqrt(2))
 
 
 def test_straight_continuation_keeps_its_speed():
     trajectory = planned(program([((40, 0), 50), ((100, 0), 50)]))
-    assert trajectory.duration == pytest.approx(2.1, rel=1e-6)
+    close(trajectory.duration, 2.1 + RISE, slack=0.005)
 
 
 def test_feed_changes_before_and_after_the_corner_of_a_straight_line():
-    # 50 mm/s, then 20 mm/s: slows down on the fast move. 0.1 s up, 0.06 s down to 20 over 2.1 mm.
+    # 50 mm/s, then 20 mm/s: slows down on the fast move
     trajectory = planned(program([((50, 0), 50), ((100, 0), 20)]))
-    fast = 0.1 + (50 - 2.5 - 2.1) / 50 + 0.06
-    slow = (50 - 0.4) / 20 + 0.04
-    assert trajectory.duration == pytest.approx(fast + slow, rel=1e-6)
+    up, down, stop = 0.1 + RISE, 0.06 + RISE, 0.04 + RISE
+    fast = up + (50 - 25 * up - 35 * down) / 50 + down
+    slow = (50 - 10 * stop) / 20 + stop
+    close(trajectory.duration, fast + slow, slack=0.005)
 
 
 def test_reversal_stops():
     trajectory = planned(program([((100, 0), 50), ((0, 0), 50)], tolerance=1.0))
-    assert trajectory.duration == pytest.approx(4.2, rel=1e-6)
-    assert trajectory.at(2.1)[0, 0] == pytest.approx(100, abs=1e-4)
+    close(trajectory.duration, 4.2 + 2 * RISE, slack=0.005)
+    assert trajectory.at(begin_times(trajectory, 2)[1])[0, 0] == pytest.approx(100, abs=1e-9)
 
 
 def test_dwell_rests_where_it_stands():
     trajectory = planned(program([((10, 0), 50), 0.25, ((20, 0), 50)], tolerance=1.0))
-    # 10 mm: 0.1 s up and down over 5 mm, 5 mm at 50 mm/s
-    assert trajectory.duration == pytest.approx(0.3 + 0.25 + 0.3, rel=1e-6)
-    assert trajectory.at([0.35, 0.5], 0)[:, 0] == pytest.approx([10, 10])
-    assert begin_times(trajectory, 3) == pytest.approx([0, 0.3, 0.55, 0.85], rel=1e-6)
+    begin = begin_times(trajectory, 3)
+    close(begin[1], 0.3 + RISE, slack=0.03)
+    assert begin[2] - begin[1] == pytest.approx(0.25, abs=1e-12)
+    assert trajectory.at([begin[1], begin[2]], 0)[:, 0] == pytest.approx([10, 10])
+    assert begin[3] == trajectory.duration
 
 
 def test_programs_without_motion():
@@ -166,16 +179,16 @@ def test_programs_without_motion():
 
 
 def test_full_circle_at_moderate_feed_takes_its_circumference():
-    # v^2 / r = 20 mm/s^2 leaves nearly all acceleration: 0.04 s up and down
+    # v^2 / r = 20 mm/s^2 leaves nearly all acceleration: 0.04 s + 0.025 s up and down
     arc = program([((20, 0), 20, ((0, 0), 2 * math.pi))], start=(20, 0))
-    assert planned(arc).duration == pytest.approx(40 * math.pi / 20 + 0.04, rel=1e-4)
+    close(planned(arc).duration, 40 * math.pi / 20 + 0.04 + RISE, slack=0.005)
 
 
 def test_helix_ends_at_its_height():
     arc = program([((20, 0, 5), 20, ((0, 0), 4 * math.pi))], start=(20, 0))
     length = math.hypot(80 * math.pi, 5)
     trajectory = planned(arc)
-    assert trajectory.duration == pytest.approx(length / 20 + 0.04, rel=1e-3)
+    close(trajectory.duration, length / 20 + 0.04 + RISE, slack=0.005)
     assert trajectory.at(trajectory.duration / 2)[0, 2] == pytest.approx(2.5)
 
 
@@ -185,10 +198,10 @@ def test_chorded_circle_is_driven_like_a_circle(chords):
     angle = np.linspace(0, 2 * np.pi, chords + 1)[1:]
     steps = [((20 * math.cos(a), 20 * math.sin(a)), 60) for a in angle]
     chorded = planned(program(steps, start=(20, 0)))
-    around = 40 * math.pi / 60 + 60 / 500
-    assert chorded.duration <= 1.02 * around
+    around = 40 * math.pi / 60 + 60 / 500 + RISE
+    assert chorded.duration <= 1.03 * around
     circle = planned(program([((20, 0), 60, ((0, 0), 2 * math.pi))], start=(20, 0)))
-    assert circle.duration == pytest.approx(around, rel=0.02)
+    assert circle.duration == pytest.approx(around, rel=0.03)
 
 
 def test_noise_of_rounded_chords_does_not_slow_the_machine_down():
@@ -197,7 +210,7 @@ def test_noise_of_rounded_chords_does_not_slow_the_machine_down():
     points = np.round(np.column_stack([np.cos(angle), np.sin(angle)]), 4) * 25.4
     moves = program([(point, 60) for point in points], start=(25.4, 0))
     trajectory = planned(moves)
-    assert trajectory.duration <= 1.1 * (25.4 * 2 * math.pi / 60 + 0.12)
+    assert trajectory.duration <= 1.1 * (25.4 * 2 * math.pi / 60 + 0.12 + RISE)
 
 
 def test_slow_chords_are_left_as_they_are():
@@ -207,9 +220,9 @@ def test_slow_chords_are_left_as_they_are():
     assert set(trajectory.move) == set(range(100))
 
 
-def test_element_belongs_to_a_move_and_blend_to_the_move_before_its_corner():
+def test_half_of_a_blend_belongs_to_the_move_on_its_side_of_the_corner():
     trajectory = planned(program([((10, 0), 50), ((10, 10), 50), ((0, 10), 50)]))
-    assert trajectory.move.tolist() == [0, 0, 1, 1, 2]
+    assert trajectory.move.tolist() == [0, 0, 1, 1, 1, 2, 2]
 
 
 def test_move_between_two_large_blends_does_not_vanish():
@@ -225,10 +238,11 @@ def test_travel_is_checked():
 
 
 def test_long_programs_do_not_drift():
-    # 10 000 moves of 0.25 mm with stops: 2 sqrt(0.25 / 500) s each
+    # 10 000 moves of 0.25 mm with stops, all alike
     steps = [((0.25 * (n % 2), 0), 50) for n in range(1, 10_001)]
     trajectory = planned(program(steps, tolerance=0))
-    assert trajectory.duration == pytest.approx(1e4 * 2 * math.sqrt(0.25 / 500), rel=1e-6)
+    alone = planned(program(steps[:1], tolerance=0)).duration
+    assert trajectory.duration == pytest.approx(1e4 * alone, rel=1e-9)
 
 
 def random_program(seed):
@@ -296,6 +310,7 @@ def test_every_promise_is_kept_on_random_programs(seed):
     rows, velocity, acceleration = wide.limit_rows()
     assert (np.abs(trajectory.at(time, 1) @ rows.T) <= velocity).all()
     assert (np.abs(trajectory.at(time, 2) @ rows.T) <= acceleration).all()
+    assert (np.abs(trajectory.at(time, 3) @ rows.T) <= wide.jerk_limits()).all()
 
 
 @pytest.mark.parametrize(

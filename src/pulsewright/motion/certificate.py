@@ -7,8 +7,8 @@ at the same path coordinate is bounded by the control polygon of the difference.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import asdict, dataclass
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +121,10 @@ class Certificate:
         if self.missed_rests:
             found.append(f"no rest after {self.missed_rests} moves that demand it")
         return tuple(found)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the certificate in plain types, with whether it passed and what is not kept."""
+        return {"passed": self.passed, "violations": list(self.violations()), **asdict(self)}
 
     def text(self) -> str:
         """Return the certificate for a person to read."""

@@ -1,11 +1,14 @@
 """Look-ahead planning: from moves to a trajectory that keeps every limit.
 
-1. *Geometry*: at each corner where the program allows a deviation, a parabola (a cubic next to an
-   arc) replaces the corner, tangent to the path at both ends; see `path.blends`.
-2. *Speeds*: a backward and a forward pass find the fastest speeds at the ends of all elements with
-   piecewise constant path acceleration; see `plan_kernels.speeds`. Speed changes on blends too, so
-   curves made of short chords are driven like the curves they stand for.
-3. *Time law*: pieces of constant path acceleration; velocity is continuous everywhere.
+1. *Geometry*: at each corner where the program allows a deviation, and where a line meets an arc, a
+   displacement makes position, tangent and curvature continuous; see `path.blends`.
+2. *Speeds*: the second-order optimum of this path, lowered where speeds would change faster than the
+   jerk allows; see `plan_kernels.speeds`. Speed changes on blends too, so curves made of short
+   chords are driven like the curves they stand for.
+3. *Time law*: pieces of constant path jerk; acceleration is continuous everywhere.
+
+No speed is trusted: the law of every cell is checked against the limits of all axes, and planned
+again with tighter ones where it breaks them.
 """
 
 from __future__ import annotations
@@ -31,9 +34,9 @@ MARGIN = 1e-7  # of feeds and limits, for rounding on the shortest pieces and in
 def plan(moves: Moves, machine: Machine) -> Trajectory:
     """Plan the fastest motion along ``moves`` within feeds, limits and tolerances.
 
-    Velocity and acceleration of each of the machine's limit rows stay within bounds, the path
+    Velocity, acceleration and jerk of each of the machine's limit rows stay within bounds, the path
     within each move's tolerance (in mm for X, Y, Z; the same number of degrees for A, B, C), and
-    velocity has no jump. The machine rests at the end of moves with tolerance 0, at dwells and
+    acceleration has no jump. The machine rests at the end of moves with tolerance 0, at dwells and
     reversals, and at the end.
 
     Every element's ``move`` is the last move it stands for. A dwell has an element of its own, of
@@ -47,7 +50,7 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     from pulsewright.motion import path, plan_kernels  # compiled on first use
 
     machine.check_travel(moves)
-    limits = path.Limits(*(column for column in _limits(machine)))
+    limits = path.Limits(*_limits(machine))
     elements = path.elements(*_blended(moves, limits))
     grid, bounds = plan_kernels.cells(elements, limits)
     b, a, _ = plan_kernels.speeds(grid, bounds, limits)
@@ -98,8 +101,7 @@ def _blended(
 def begin_times(trajectory: Trajectory, count: int) -> NDArray[np.float64]:
     """Return when each of ``count`` moves begins, and the duration as last entry [s].
 
-    Exact where the machine rests before the move, as it does before every event of a program;
-    moves that were merged begin together, and a blend counts to the move before its corner.
+    Moves that were merged begin together, and a blended one in the middle of the blend before it.
     """
     first = np.searchsorted(trajectory.move[trajectory.element], np.arange(count + 1))
     return trajectory.start[np.minimum(first, len(trajectory.element))]

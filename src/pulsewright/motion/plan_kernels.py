@@ -26,7 +26,7 @@ from pulsewright.compiled import compiled
 from pulsewright.motion.path import Elements, Floats, Ints, Limits, _peak_cosine
 
 BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
-TWIST_SHARE = 0.5  # of the jerk, for bending at constant speed
+TWIST_SHARE = 0.7  # of the jerk, for bending at constant speed
 COUPLED_SHARE = 0.5  # of what is left of the jerk, for changing speed where the path bends
 RAMP_SHARE = 0.998  # of the acceleration
 JERK_SHARE = 0.85  # of the jerk; the two pieces of a cell differ a little
@@ -40,6 +40,10 @@ FLAT = 0.03  # of the change of acceleration that is possible on a cell: as good
 TANGENT_SHARE = 0.25  # where a rounded peak ends: its part of a difference in slope
 ROUNDING = 1e-8  # of the limits
 PARTS = 4096  # cells of one element at most
+
+
+# for kernels only: what Python needs to call them would take longest to compile
+_part = compiled(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 class Bounds(NamedTuple):
@@ -60,7 +64,7 @@ class Cells(NamedTuple):
     rest: NDArray[np.bool_]  # (n,) whether the machine rests at the end
 
 
-@compiled(error_model="numpy")
+@_part
 def _bound(
     path: Elements, rows: Floats, e: int, begin: float, end: float, bounds: Bounds, at: int
 ) -> None:
@@ -97,7 +101,7 @@ def _bound(
         bounds.third[at, r] = max(bounds.third[at, r], third)
 
 
-@compiled(error_model="numpy")
+@_part
 def _cap(bounds: Bounds, at: int, feed: float, limits: Limits) -> float:
     """Return the largest square of the speed on a cell."""
     top = feed * feed
@@ -112,7 +116,7 @@ def _cap(bounds: Bounds, at: int, feed: float, limits: Limits) -> float:
     return top
 
 
-@compiled(error_model="numpy")
+@_part
 def _graded(
     begin: float, end: float, first: float, last: float, widest: float, out: Floats, n: int
 ) -> int:
@@ -196,11 +200,10 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
         if path.length[e] > 0.0:
             total, top, low = path.length[e], cap[e], min(speed[e], speed[e + 1])
             quick = GROUP * delay
-            if path.rest[e] or (e > 0 and path.rest[e - 1]):
-                quick *= 0.25
-            while e + count < m and total < quick * math.sqrt(max(low, 0.05 * top)):
+            starts, ends = e == 0 or path.rest[e - 1], path.rest[e]
+            while e + count < m and not starts and not path.rest[e + count - 1]:
                 j = e + count
-                if path.rest[j - 1] or path.length[j] == 0.0:
+                if path.rest[j]:  # the first and the last element of a run stay by themselves
                     break
                 low = min(low, speed[j + 1])
                 top = min(top, cap[j])
@@ -228,6 +231,8 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
                     parts = _graded(x, down, begin, inside, widest, cut, parts)
                     x, begin = down, inside
                 parts = _graded(x, total, begin, finish, widest, cut, parts)
+                if parts == 1 and starts and ends:
+                    parts, cut[1], cut[2] = 2, 0.5 * total, total
         else:
             total = 0.0
         if n + parts > size:
@@ -265,7 +270,7 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
     return Cells(element[:n], offset[:n], length[:n], feed, rest), bounds
 
 
-@compiled(error_model="numpy")
+@_part
 def _free(bounds: Bounds, c: int, b: float, limits: Limits) -> tuple[float, float]:
     """Return the path acceleration and path jerk that a cell allows at the square of speed ``b``."""
     v = math.sqrt(b)
@@ -285,7 +290,7 @@ def _free(bounds: Bounds, c: int, b: float, limits: Limits) -> tuple[float, floa
     return max(a, 0.0), max(j, 0.0)
 
 
-@compiled(error_model="numpy")
+@_part
 def _gain(v: float, a: float, top: float, jerk: float, size: float) -> tuple[float, float]:
     """Return ``b`` and ``a`` after ``size``, as the jerk allows but with a at most ``top``."""
     time = size / v if v > 0.0 else math.inf
@@ -304,7 +309,7 @@ def _gain(v: float, a: float, top: float, jerk: float, size: float) -> tuple[flo
     return speed * speed, after
 
 
-@compiled(error_model="numpy")
+@_part
 def _climb(
     size: Floats, b: Floats, a: Floats, ramp: Floats, jerk: Floats, first: int, last: int, way: int,
     rise: float,
@@ -328,7 +333,7 @@ def _climb(
         i = k
 
 
-@compiled(error_model="numpy")
+@_part
 def _round_peaks(
     size: Floats,
     b: Floats,
@@ -387,7 +392,7 @@ def _round_peaks(
             a[k] += TANGENT_SHARE * (rate - a[k])
 
 
-@compiled(error_model="numpy")
+@_part
 def _slope(b: Floats, size: Floats, jerk: Floats, i: int) -> float:
     """Return ``a`` at a node between cells where ``b`` is at its limit."""
     x, y = size[i - 1], size[i]
@@ -399,7 +404,7 @@ def _slope(b: Floats, size: Floats, jerk: Floats, i: int) -> float:
     return (left * y + right * x) / (x + y)
 
 
-@compiled(error_model="numpy")
+@_part
 def _halves(
     b0: float, b1: float, a0: float, a1: float, size: float
 ) -> tuple[float, float, float, float]:
@@ -416,7 +421,7 @@ def _halves(
     return h, middle, v0 + 0.5 * h * (a0 + middle), 1.0
 
 
-@compiled(error_model="numpy")
+@_part
 def _use(
     bounds: Bounds, c: int, feed: float, b: Floats, a: Floats, size: float, limits: Limits
 ) -> tuple[float, float, float]:
@@ -518,7 +523,7 @@ def speeds(grid: Cells, bounds: Bounds, limits: Limits) -> tuple[Floats, Floats,
     return b, a, repaired
 
 
-@compiled(error_model="numpy")
+@_part
 def _check(
     task: Task, b: Floats, a: Floats, first: int, last: int, broken: NDArray[np.bool_], trial: int
 ) -> int:
@@ -549,7 +554,7 @@ def _check(
     return count
 
 
-@compiled(error_model="numpy")
+@_part
 def _evened(task: Task, b: Floats, a: Floats, first: int, last: int, c: int) -> bool:
     """Try other accelerations at the nodes around a cell, such that the jerk is as continuous.
 
@@ -569,6 +574,10 @@ def _evened(task: Task, b: Floats, a: Floats, first: int, last: int, c: int) -> 
             left, right = middle + 0.5 * a[i], center + 0.5 * a[i]
             a[i] = (left / h + right / k) / (1.5 / h + 1.5 / k)
             top = min(task.ramp[i - 1], task.ramp[i])
+            if b[i - 1] == 0.0:
+                top = min(top, b[i] / size[i - 1] * (2 / 3))
+            if b[i + 1] == 0.0:
+                top = min(top, b[i] / size[i] * (2 / 3))
             a[i] = min(max(a[i], -top), top)
     worst = 0.0
     for near in range(begin - 1, end + 1):
@@ -580,7 +589,7 @@ def _evened(task: Task, b: Floats, a: Floats, first: int, last: int, c: int) -> 
     return False
 
 
-@compiled(error_model="numpy")
+@_part
 def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Let time pass more slowly from rest to rest, such that all limits hold."""
     worst = 1.0
@@ -592,7 +601,7 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         a[i] /= worst * worst
 
 
-@compiled(error_model="numpy")
+@_part
 def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Plan ``b`` and ``a`` between two nodes, whose values are given."""
     size, ramp, jerk = task.cells.size, task.ramp, task.jerk
@@ -608,10 +617,14 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         if math.isnan(a[i]):
             a[i] = _slope(b, size, jerk, i)
         top = min(ramp[i - 1], ramp[i])
+        if i == first + 1 and b[first] == 0.0:  # as constant jerk from rest has it
+            top = min(top, b[i] / size[first] * (2 / 3))
+        if i == last - 1 and b[last] == 0.0:
+            top = min(top, b[i] / size[i] * (2 / 3))
         a[i] = min(max(a[i], -top), top)
 
 
-@compiled(error_model="numpy")
+@_part
 def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
     """Put the second-order optimum into ``b``, and what it leaves free on the cells."""
     bounds, limits, size, ease = task.bounds, task.limits, task.cells.size, task.ease
@@ -634,7 +647,7 @@ def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
         ramp[c] = min(ramp[c], ramp[c + 1] + gain)
 
 
-@compiled(error_model="numpy", inline="always")
+@_part
 def _reach(
     bounds: Bounds, limits: Limits, ease: float, c: int, size: float, b: float, count: int
 ) -> float:

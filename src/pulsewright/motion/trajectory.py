@@ -7,8 +7,8 @@ s(t); nothing is sampled. On element e::
     x(s) = poly[e,0] + poly[e,1] s + poly[e,2] s^2 + poly[e,3] s^3
          + cosine[e] cos(omega[e] s) + sine[e] sin(omega[e] s)        0 <= s <= length[e]
 
-so a line has ``poly`` of degree 1, a blend of degree 2 or 3, an arc or helix degree 1 with
-``omega`` = 1 / radius. On piece k, from ``start[k]`` to ``start[k + 1]``, tau = t - start[k]::
+so a line has ``poly`` of degree 1, a blend of degree 3, an arc or helix degree 1 with ``omega`` =
+1 / radius, and a blend on it degree 3 besides. On piece k, from ``start[k]`` to ``start[k + 1]``, tau = t - start[k]::
 
     s(tau) = law[k,0] + law[k,1] tau + law[k,2] tau^2 + law[k,3] tau^3
 """
@@ -32,7 +32,7 @@ class Trajectory:
     omega, length : (m,) float64
         Geometry of m elements, see the module's text.
     move : (m,) int32
-        The move that an element belongs to; a blend belongs to the move before its corner.
+        The move that an element belongs to; a blend has elements on both sides of its corner.
     element : (k,) int32
         Element of each piece, never decreasing.
     start : (k + 1,) float64
@@ -75,7 +75,7 @@ class Trajectory:
         )
 
     def at(self, time: NDArray[np.float64] | float, derivative: int = 0) -> NDArray[np.float64]:
-        """Return position (0), velocity (1) or acceleration (2) at each time, shape (n, axes).
+        """Return position (0), velocity (1), acceleration (2) or jerk (3) at times, (n, axes).
 
         Before 0 and after the end the machine rests.
         """
@@ -96,4 +96,8 @@ class Trajectory:
             return np.asarray(first * v)
         second = 6 * p[:, 3] * s + 2 * p[:, 2]
         second = second - w * w * (cos * np.cos(w * s) + sin * np.sin(w * s))
-        return np.asarray(second * v * v + first * a)
+        if derivative == 2:
+            return np.asarray(second * v * v + first * a)
+        third = 6 * p[:, 3] + w**3 * (cos * np.sin(w * s) - sin * np.cos(w * s))
+        j = 6 * law[:, 3, None]
+        return np.asarray(third * v**3 + 3 * second * v * a + first * j)

@@ -118,7 +118,7 @@ def test_acceleration_inside_a_cubic_is_found():
     certificate = certify(cubic, moves, MACHINE)
     assert certificate.acceleration[0].ratio == pytest.approx(375 / 500, rel=2e-3)
     assert certificate.velocity[0].ratio == pytest.approx(2 * np.sqrt(200) / 60, rel=2e-3)
-    # the third derivative at s = 1, and the second times 3 v a: 6 * 200^1.5 + 3 * 1 * sqrt(200) * 100
+    # at s = 1, the third derivative times v^3, and the second times 3 v a
     jerk = 6 * 200**1.5 + 300 * np.sqrt(200)
     assert certificate.jerk[0].ratio == pytest.approx(jerk / 20_000, rel=2e-3)
     assert not certificate.passed

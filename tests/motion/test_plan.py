@@ -91,7 +91,8 @@ def test_long_move_is_a_trapezoid_with_rounded_corners():
 def test_short_move_reaches_its_acceleration_only():
     # T/2 = x: 2 mm = 500 (x - 0.025) x
     trajectory = planned(program([((2, 0), 50)]))
-    close(trajectory.duration, 2 * (RISE / 2 + math.hypot(RISE / 2, math.sqrt(2 / 500))), slack=0.06)
+    half = RISE / 2 + math.hypot(RISE / 2, math.sqrt(2 / 500))
+    close(trajectory.duration, 2 * half, slack=0.06)
 
 
 def test_shorter_move_is_limited_by_jerk_alone():

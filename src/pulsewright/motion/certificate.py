@@ -68,7 +68,7 @@ class Certificate:
     position_jump : float
         Largest gap where two pieces meet [mm, degrees].
     end_error : float
-        Largest distance from the programmed position where the machine rests [mm, degrees].
+        Largest distance from the programmed position where the machine has to rest [mm, degrees].
     dwell_error : float
         Largest error of a dwell's time [s].
     missed_rests : int
@@ -329,12 +329,12 @@ class _Reference:
         closing = np.append(np.flatnonzero(np.diff(self.run)), len(self.run) - 1)
         x = _place(t, closing.astype(np.int32), t.length[closing])
         kept = still[closing]
-        error = _norm(x - self.end)[kept].max(initial=0.0)
+        demanded = self.corner <= 0
+        demanded[-1] = True
+        error = _norm(x - self.end)[kept & demanded].max(initial=0.0)
         error = max(error, float(_norm(x[-1:] - self.moves.end[-1:])[0]))
         begin = _place(t, t.element[:1], motion.s0[:1])
         error = max(error, float(_norm(begin - self.moves.start)[0]))
-        demanded = self.corner <= 0
-        demanded[-1] = True
         return float(error), int((demanded & ~kept).sum())
 
     def dwell_error(self, motion: _Pieces) -> float:

@@ -2,8 +2,8 @@
 
 1. *Geometry*: at each corner where the program allows a deviation, and where a line meets an arc, a
    displacement makes position, tangent and curvature continuous; see `path.blends`.
-2. *Speeds*: the second-order optimum of this path, lowered where speeds would change faster than the
-   jerk allows; see `plan_kernels.speeds`. Speed changes on blends too, so curves made of short
+2. *Speeds*: the second-order optimum of this path, lowered where speeds would change faster than
+   the jerk allows; see `plan_kernels.speeds`. Speed changes on blends too, so curves made of short
    chords are driven like the curves they stand for.
 3. *Time law*: pieces of constant path jerk; acceleration is continuous everywhere.
 

@@ -8,7 +8,8 @@ s(t); nothing is sampled. On element e::
          + cosine[e] cos(omega[e] s) + sine[e] sin(omega[e] s)        0 <= s <= length[e]
 
 so a line has ``poly`` of degree 1, a blend of degree 3, an arc or helix degree 1 with ``omega`` =
-1 / radius, and a blend on it degree 3 besides. On piece k, from ``start[k]`` to ``start[k + 1]``, tau = t - start[k]::
+1 / radius, and a blend on it degree 3 besides. On piece k, from ``start[k]`` to ``start[k + 1]``,
+tau = t - start[k]::
 
     s(tau) = law[k,0] + law[k,1] tau + law[k,2] tau^2 + law[k,3] tau^3
 """

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 DEPTH = 40  # halvings of a piece at most, where a limit is in question
 FINE = 5  # where the limit holds
-CLOSE = 1e-3  # of the bound: upper bound and actual value agree, as far as the limit holds
+CLOSE = 1e-3  # of the bound: upper bound and actual value agree
 
 
 @compiled(error_model="numpy")
@@ -102,6 +102,8 @@ def _interval(
 @compiled(error_model="numpy")
 def _enough(actual: float, most: float, deep: int) -> float:
     """Return the upper bound that need not be made sharper, as a share of the limit."""
+    if actual > 1.0:  # broken for certain: by how much need not be known better
+        return max(actual * (1.0 + CLOSE), most)
     if deep >= FINE:
         return 1.0
     return min(max(actual * (1.0 + CLOSE), most), 1.0)

@@ -53,8 +53,8 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     limits = path.Limits(*_limits(machine))
     elements = path.elements(*_blended(moves, limits))
     grid, bounds = plan_kernels.cells(elements, limits)
-    b, a, _ = plan_kernels.speeds(grid, bounds, limits)
-    element, start, law = plan_kernels.law(elements, grid, b, a)
+    b, a, split, _ = plan_kernels.speeds(grid, bounds, limits)
+    element, start, law = plan_kernels.law(elements, grid, b, a, split)
     return Trajectory(*elements[:6], element, start, law)
 
 

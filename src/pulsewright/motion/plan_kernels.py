@@ -29,8 +29,10 @@ BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
 TWIST_SHARE = 0.7  # of the jerk, for bending at constant speed
 COUPLED_SHARE = 0.5  # of what is left of the jerk, for changing speed where the path bends
 RAMP_SHARE = 0.998  # of the acceleration
+LEAST_SHARE = 0.1  # of the jerk for changing speed
 JERK_SHARE = 0.85  # of the jerk; the two pieces of a cell differ a little
 GROUP = 0.25  # of the time in which acceleration builds up: elements passed in it make one cell
+SPREAD = 4.0  # of it, from where speed changes without a limit of jerk to where with one
 STEP = 0.4  # of that time, in the first cell of a long element
 GROWTH = 1.6  # of cells, from the ends of a long element to its middle
 WIDEST = 0.2  # of a cell on an arc [rad]
@@ -39,6 +41,8 @@ REPAIRS = 24  # rounds of tightening the limits where the law breaks them
 FLAT = 0.03  # of the change of acceleration that is possible on a cell: as good as none
 TANGENT_SHARE = 0.25  # where a rounded peak ends: its part of a difference in slope
 ROUNDING = 1e-8  # of the limits
+SPLITS = (0.35, 0.65, 0.2, 0.8)  # where the two pieces of a cell may meet, besides its middle
+BRIDGES = (1, 2, 3, 5, 8, 13)  # cells on both sides of a broken one that change with it
 PARTS = 4096  # cells of one element at most
 
 
@@ -180,7 +184,7 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
     near = math.inf
     for e in range(m - 1, -1, -1):
         speed[e] = min(speed[e], speed[e + 1] + 2.0 * ramp[e] * path.length[e])
-        if min(speed[e], speed[e + 1]) < 0.999 * cap[e] or cap[e] == 0.0:
+        if min(speed[e], speed[e + 1], path.feed[e] ** 2) < 0.999 * cap[e] or cap[e] == 0.0:
             near = 0.0
         busy[e] = near
         near += path.length[e]
@@ -201,17 +205,22 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
             total, top, low = path.length[e], cap[e], min(speed[e], speed[e + 1])
             quick = GROUP * delay
             starts, ends = e == 0 or path.rest[e - 1], path.rest[e]
+            steady = busy[e] >= SPREAD * delay * path.feed[e]  # at the programmed feed
             while e + count < m and not starts and not path.rest[e + count - 1]:
                 j = e + count
                 if path.rest[j]:  # the first and the last element of a run stay by themselves
                     break
+                if steady and busy[j] >= SPREAD * delay * path.feed[j] and path.feed[j] == path.feed[e]:
+                    total += path.length[j]
+                    count += 1
+                    continue
                 low = min(low, speed[j + 1])
                 top = min(top, cap[j])
                 if total + path.length[j] > quick * math.sqrt(max(low, 0.05 * top)):
                     break
                 total += path.length[j]
                 count += 1
-            if count == 1 and busy[e] < 2.0 * delay * math.sqrt(top):
+            if count == 1 and busy[e] < SPREAD * delay * math.sqrt(top):
                 step = STEP * delay
                 least = 0.01 * delay * delay * ramp[e]  # from rest, 0.4 of the delay
                 begin = max(step * math.sqrt(speed[e]), least)
@@ -273,7 +282,7 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
 @_part
 def _free(bounds: Bounds, c: int, b: float, limits: Limits) -> tuple[float, float]:
     """Return the path acceleration and path jerk that a cell allows at the square of speed ``b``."""
-    v = math.sqrt(b)
+    v, least = math.sqrt(b), 0.0
     a, j = math.inf, math.inf
     for r in range(limits.velocity.size):
         first, second = bounds.first[c, r], bounds.second[c, r]
@@ -287,7 +296,8 @@ def _free(bounds: Bounds, c: int, b: float, limits: Limits) -> tuple[float, floa
         if first > 0.0:
             used = bounds.third[c, r] * b * v + 3.0 * bounds.second[c, r] * v * a
             j = min(j, (JERK_SHARE * limits.jerk[r] - used) / first)
-    return max(a, 0.0), max(j, 0.0)
+        least = max(least, first / limits.jerk[r])
+    return max(a, 0.0), max(j, LEAST_SHARE / least if least > 0.0 else 0.0)
 
 
 @_part
@@ -355,7 +365,7 @@ def _round_peaks(
     node[0] = first
     for k in range(first + 1, last + 1):
         c = k - 1
-        u = jerk[c] / math.sqrt(max(max(b[c], b[k]), 1e-12))
+        u = jerk[c] / math.sqrt(max(b[c], b[k], 1e-12))
         # from the node before: distance, integral of u, and integral of that
         x, w, q = size[c], u * size[c], 0.5 * u * size[c] * size[c]
         while n > 0:
@@ -381,13 +391,13 @@ def _round_peaks(
         old = b[i]
         for j in range(i + 1, k):
             c = j - 1
-            u = jerk[c] / math.sqrt(max(max(old, b[j]), 1e-12))
+            u = jerk[c] / math.sqrt(max(old, b[j], 1e-12))
             old = b[j]
             here += (2.0 * rate - u * size[c]) * size[c]
             rate -= u * size[c]
             if here < b[j]:
                 b[j], a[j] = max(here, 0.0), rate
-        rate -= jerk[k - 1] / math.sqrt(max(max(old, b[k]), 1e-12)) * size[k - 1]
+        rate -= jerk[k - 1] / math.sqrt(max(old, b[k], 1e-12)) * size[k - 1]
         if k < last and not math.isnan(a[k]):
             a[k] += TANGENT_SHARE * (rate - a[k])
 
@@ -404,54 +414,6 @@ def _slope(b: Floats, size: Floats, jerk: Floats, i: int) -> float:
     return (left * y + right * x) / (x + y)
 
 
-@_part
-def _halves(
-    b0: float, b1: float, a0: float, a1: float, size: float
-) -> tuple[float, float, float, float]:
-    """Return time, acceleration and speed in the middle, and 0 or more if there is a solution.
-
-    Two pieces of constant jerk, each of that time, lead from one state to the other over ``size``.
-    """
-    v0, v1 = math.sqrt(b0), math.sqrt(b1)
-    square = (v0 + v1) ** 2 + 4.0 / 3.0 * size * (a0 - a1)
-    if square <= 0.0:
-        return 1.0, 0.0, 0.0, -1.0
-    h = 2.0 * size / (v0 + v1 + math.sqrt(square))
-    middle = (v1 - v0) / h - 0.5 * (a0 + a1)
-    return h, middle, v0 + 0.5 * h * (a0 + middle), 1.0
-
-
-@_part
-def _use(
-    bounds: Bounds, c: int, feed: float, b: Floats, a: Floats, size: float, limits: Limits
-) -> tuple[float, float, float]:
-    """Return the used shares of velocity, acceleration and jerk on a cell, at worst."""
-    a0, a1 = a[c], a[c + 1]
-    h, am, vm, fine = _halves(b[c], b[c + 1], a0, a1, size)
-    if fine < 0.0:
-        return 1.0, 1.0, 8.0
-    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
-    top, low = max(max(v0, v1), vm), vm
-    if a0 * am < 0.0:  # an extreme inside the first half
-        inside = v0 + 0.5 * a0 * h * a0 / (a0 - am)
-        top, low = max(top, inside), min(low, inside)
-    if am * a1 < 0.0:
-        inside = vm + 0.5 * am * h * am / (am - a1)
-        top, low = max(top, inside), min(low, inside)
-    if low < 0.0:
-        return 1.0, 1.0, 8.0
-    rate = max(max(abs(a0), abs(a1)), abs(am))
-    j = max(abs(am - a0), abs(a1 - am)) / h
-    velocity, acceleration, jerk = top / feed, 0.0, 0.0
-    for r in range(limits.velocity.size):
-        first, second, third = bounds.first[c, r], bounds.second[c, r], bounds.third[c, r]
-        velocity = max(velocity, first * top / limits.velocity[r])
-        acceleration = max(acceleration, (second * top * top + first * rate) / limits.acceleration[r])
-        used = third * top * top * top + 3.0 * second * top * rate + first * j
-        jerk = max(jerk, used / limits.jerk[r])
-    return velocity, acceleration, jerk
-
-
 class Task(NamedTuple):
     """What speeds are planned from, and what is tightened on the way."""
 
@@ -463,13 +425,74 @@ class Task(NamedTuple):
     soft: Floats  # (n,) share of the jerk
     ramp: Floats  # (n,) path acceleration left
     jerk: Floats  # (n,) path jerk left
+    split: Floats  # (n,) of a cell's time, for the first of its two pieces
     node: Ints  # (n + 1,) scratch
     work: Floats  # (3, n + 1) scratch
 
 
+@_part
+def _pieces(
+    b0: float, b1: float, a0: float, a1: float, size: float, split: float
+) -> tuple[float, float, float]:
+    """Return the time of a cell, and acceleration and speed where its two pieces meet.
+
+    The first of them, each of constant jerk, lasts ``split`` of that time. The time is negative if
+    there is no solution.
+    """
+    v0, v1, rest = math.sqrt(b0), math.sqrt(b1), 1.0 - split
+    mean = split * a0 + rest * a1
+    linear = (v0 * (1.0 + split) + v1 * (1.0 + rest)) / 3.0
+    bend = (2.0 * (split * split * a0 - rest * rest * a1) - (split - rest) * mean) / 6.0
+    square = linear * linear + 4.0 * bend * size
+    if square <= 0.0:
+        return -1.0, 0.0, 0.0
+    time = 2.0 * size / (linear + math.sqrt(square))
+    middle = 2.0 * (v1 - v0) / time - mean
+    return time, middle, v0 + 0.5 * split * time * (a0 + middle)
+
+
+@_part
+def _use(task: Task, b: Floats, a: Floats, c: int, split: float) -> tuple[float, float, float]:
+    """Return the used shares of velocity, acceleration and jerk on a cell, at worst."""
+    bounds, limits = task.bounds, task.limits
+    a0, a1 = a[c], a[c + 1]
+    time, am, vm = _pieces(b[c], b[c + 1], a0, a1, task.cells.size[c], split)
+    if time < 0.0:
+        return 1.0, 1.0, 8.0
+    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+    top, low = max(v0, v1, vm), vm
+    if a0 * am < 0.0:  # an extreme inside the first piece
+        inside = v0 + 0.5 * a0 * split * time * a0 / (a0 - am)
+        top, low = max(top, inside), min(low, inside)
+    if am * a1 < 0.0:
+        inside = vm + 0.5 * am * (1.0 - split) * time * am / (am - a1)
+        top, low = max(top, inside), min(low, inside)
+    if low < 0.0:
+        return 1.0, 1.0, 8.0
+    rate = max(abs(a0), abs(a1), abs(am))
+    j = max(abs(am - a0) / split, abs(a1 - am) / (1.0 - split)) / time
+    velocity, acceleration, jerk = top / task.cells.feed[c], 0.0, 0.0
+    square, cube, mixed = top * top, top * top * top, 3.0 * top * rate
+    for r in range(limits.velocity.size):
+        first, second, third = bounds.first[c, r], bounds.second[c, r], bounds.third[c, r]
+        velocity = max(velocity, first * top / limits.velocity[r])
+        acceleration = max(acceleration, (second * square + first * rate) / limits.acceleration[r])
+        jerk = max(jerk, (third * cube + second * mixed + first * j) / limits.jerk[r])
+    return velocity, acceleration, jerk
+
+
+@_part
+def _holds(task: Task, b: Floats, a: Floats, c: int, split: float) -> bool:
+    """Return whether the law of a cell keeps the limits."""
+    v, s, j = _use(task, b, a, c, split)
+    return max(v, s, j) <= 1.0 + ROUNDING
+
+
 @compiled(error_model="numpy")
-def speeds(grid: Cells, bounds: Bounds, limits: Limits) -> tuple[Floats, Floats, Ints]:
-    """Return ``b`` and ``a`` at the nodes, (n + 1,), and counts of what was repaired.
+def speeds(
+    grid: Cells, bounds: Bounds, limits: Limits
+) -> tuple[Floats, Floats, Floats, Ints]:
+    """Return ``b`` and ``a`` at the nodes, (n + 1,), splits of cells, and what was repaired.
 
     From rest to rest: the second-order optimum, then what the jerk takes from it, see `_climb` and
     `_round_peaks`. Where the law of a cell breaks a limit, limits are tightened there and the speeds
@@ -479,7 +502,7 @@ def speeds(grid: Cells, bounds: Bounds, limits: Limits) -> tuple[Floats, Floats,
     b, a = np.zeros(n + 1), np.zeros(n + 1)
     task = Task(
         grid, bounds, limits, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
-        np.empty(n + 1, np.int64), np.empty((3, n + 1)),
+        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((3, n + 1)),
     )  # fmt: skip
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
@@ -520,7 +543,7 @@ def speeds(grid: Cells, bounds: Bounds, limits: Limits) -> tuple[Floats, Floats,
                 repaired[2] += 1
                 _slow_down(task, b, a, first, last)
         first = last
-    return b, a, repaired
+    return b, a, task.split, repaired
 
 
 @_part
@@ -528,12 +551,14 @@ def _check(
     task: Task, b: Floats, a: Floats, first: int, last: int, broken: NDArray[np.bool_], trial: int
 ) -> int:
     """Find the cells whose law breaks a limit, tighten limits there, and return how many."""
-    count, size = 0, task.cells.size
+    count = 0
     for c in range(first, last):
-        v, s, j = _use(task.bounds, c, task.cells.feed[c], b, a, size[c], task.limits)
-        broken[c] = not max(max(v, s), j) <= 1.0 + ROUNDING
-        if not broken[c] or _evened(task, b, a, first, last, c):
-            broken[c] = False
+        task.split[c] = 0.5
+        broken[c] = not _holds(task, b, a, c, 0.5)
+    for c in range(first, last):
+        if not broken[c]:
+            continue
+        if _bridged(task, b, a, first, last, c, broken):
             continue
         count += 1
         if trial >= PATIENCE:  # drive steadily there: that needs neither acceleration nor jerk
@@ -546,6 +571,7 @@ def _check(
                 task.soft[near] *= 0.9
                 task.ease[near] = min(task.ease[near], max(0.95 * level / task.cap[near], 1e-3))
             continue
+        v, s, j = _use(task, b, a, c, 0.5)
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
@@ -555,38 +581,81 @@ def _check(
 
 
 @_part
-def _evened(task: Task, b: Floats, a: Floats, first: int, last: int, c: int) -> bool:
-    """Try other accelerations at the nodes around a cell, such that the jerk is as continuous.
-
-    Keep them if all cells that they touch hold their limits.
-    """
-    size = task.cells.size
-    begin, end = max(first + 1, c - 1), min(last - 1, c + 2)  # nodes that may change
-    if begin > end:
-        return False
-    old = a[begin : end + 1].copy()
-    for _ in range(4):
-        for i in range(begin, end + 1):
-            h, middle, _v, fine = _halves(b[i - 1], b[i], a[i - 1], a[i], size[i - 1])
-            k, center, _w, good = _halves(b[i], b[i + 1], a[i], a[i + 1], size[i])
-            if fine < 0.0 or good < 0.0:
-                break
-            left, right = middle + 0.5 * a[i], center + 0.5 * a[i]
-            a[i] = (left / h + right / k) / (1.5 / h + 1.5 / k)
-            top = min(task.ramp[i - 1], task.ramp[i])
-            if b[i - 1] == 0.0:
-                top = min(top, b[i] / size[i - 1] * (2 / 3))
-            if b[i + 1] == 0.0:
-                top = min(top, b[i] / size[i] * (2 / 3))
-            a[i] = min(max(a[i], -top), top)
-    worst = 0.0
-    for near in range(begin - 1, end + 1):
-        v, s, j = _use(task.bounds, near, task.cells.feed[near], b, a, size[near], task.limits)
-        worst = max(max(worst, v), max(s, j))
-    if worst <= 1.0 + ROUNDING:
-        return True
-    a[begin : end + 1] = old
+def _bridged(
+    task: Task,
+    b: Floats,
+    a: Floats,
+    first: int,
+    last: int,
+    c: int,
+    broken: NDArray[np.bool_],
+) -> bool:
+    """Lead one law of two pieces over ever more cells around a broken one, until limits hold."""
+    size, split = task.cells.size, task.split
+    for share in SPLITS:
+        if _holds(task, b, a, c, share):
+            split[c], broken[c] = share, False
+            return True
+    keep, hold, part = task.work[0], task.work[1], task.work[2]
+    low, high = c, c + 1
+    for reach in BRIDGES:
+        if low == max(first, c - reach) and high == min(last, c + 1 + reach):
+            break
+        low, high = max(first, c - reach), min(last, c + 1 + reach)
+        total = 0.0
+        for i in range(low, high):
+            total += size[i]
+            keep[i], hold[i], part[i] = b[i], a[i], split[i]
+        for way in range(3):
+            share = 0.5 + 0.2 * (way if way < 2 else -1)
+            time, middle, _ = _pieces(b[low], b[high], a[low], a[high], total, share)
+            if time > 0.0 and _spread(task, b, a, low, high, time, middle, share):
+                for i in range(low, high):
+                    broken[i] = False
+                return True
+            for i in range(low, high):
+                b[i], a[i], split[i] = keep[i], hold[i], part[i]
     return False
+
+
+@_part
+def _spread(
+    task: Task, b: Floats, a: Floats, low: int, high: int, time: float, middle: float, share: float
+) -> bool:
+    """Put the states of one law over several cells into their nodes; return whether limits hold."""
+    size, split = task.cells.size, task.split
+    v0, a0 = math.sqrt(b[low]), a[low]
+    turn = share * time
+    j0, j1 = (middle - a0) / turn, (a[high] - middle) / (time - turn)
+    vm = v0 + 0.5 * turn * (a0 + middle)
+    x, t = -((v0 + (0.5 * a0 + j0 / 6.0 * turn) * turn) * turn), -turn  # from the turn on
+    for c in range(low, high):
+        x += size[c]
+        before, v, j = t, 0.0, j1
+        if c + 1 < high:
+            j = j0 if x < 0.0 else j1
+            v = math.sqrt(b[c])
+            t = min(t + (size[c] / v if v > 0.0 else 0.5 * (time - turn - t)), time - turn)
+            for _ in range(6):
+                v = vm + (middle + 0.5 * j * t) * t
+                if v <= 0.0:
+                    return False
+                over = (vm + (0.5 * middle + j / 6.0 * t) * t) * t - x
+                t -= over / v
+                if abs(over) <= 1e-12 * size[c]:
+                    break
+            v = vm + (middle + 0.5 * j * t) * t
+            if v <= 0.0 or t <= before:
+                return False
+            b[c + 1], a[c + 1] = v * v, middle + j * t
+        else:
+            t = time - turn
+        split[c] = 0.5
+        if before < 0.0 < t:
+            split[c] = min(max(-before / (t - before), 0.05), 0.95)
+        if not _holds(task, b, a, c, split[c]):
+            return False
+    return True
 
 
 @_part
@@ -594,8 +663,9 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Let time pass more slowly from rest to rest, such that all limits hold."""
     worst = 1.0
     for c in range(first, last):
-        v, s, j = _use(task.bounds, c, task.cells.feed[c], b, a, task.cells.size[c], task.limits)
-        worst = max(max(worst, v), max(math.sqrt(s), j ** (1 / 3)))
+        task.split[c] = 0.5
+        v, s, j = _use(task, b, a, c, 0.5)
+        worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
     for i in range(first, last + 1):
         b[i] /= worst * worst
         a[i] /= worst * worst
@@ -663,7 +733,7 @@ def _reach(
 
 @compiled(error_model="numpy")
 def law(
-    path: Elements, grid: Cells, b: Floats, a: Floats
+    path: Elements, grid: Cells, b: Floats, a: Floats, split: Floats
 ) -> tuple[NDArray[np.int32], Floats, Floats]:
     """Return the pieces of the trajectory: element, start and law of each."""
     n, m = grid.size.size, path.length.size
@@ -680,11 +750,12 @@ def law(
             continue
         after = grid.element[c + 1] if c + 1 < n else m
         final = max(after - 1, e)  # the last element of the cell
-        h, middle, vm, _ = _halves(b[c], b[c + 1], a[c], a[c + 1], grid.size[c])
+        whole, middle, vm = _pieces(b[c], b[c + 1], a[c], a[c + 1], grid.size[c], split[c])
         for half in range(2):
             v, x = (math.sqrt(b[c]), a[c]) if half == 0 else (vm, middle)
             end = middle if half == 0 else a[c + 1]
-            j, left = (end - x) / h, h
+            left = (split[c] if half == 0 else 1.0 - split[c]) * whole
+            j = (end - x) / left
             while True:
                 room = path.length[e] - s
                 step = (v + (0.5 * x + j / 6.0 * left) * left) * left

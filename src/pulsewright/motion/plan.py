@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.machine import Machine
-from pulsewright.motion.moves import Moves
+from pulsewright.motion.moves import MoveKind, Moves, Plane
 from pulsewright.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     from pulsewright.motion import path, plan_kernels  # compiled on first use
 
     machine.check_travel(moves)
-    limits = path.Limits(*_limits(machine))
+    limits = path.Limits(*_limits(machine, moves))
     elements = path.elements(*_blended(moves, limits))
     grid, bounds = plan_kernels.cells(elements, limits)
     b, a, split, _ = plan_kernels.speeds(grid, bounds, limits)
@@ -58,10 +58,14 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     return Trajectory(*elements[:6], element, start, law)
 
 
-def _limits(machine: Machine) -> tuple[NDArray[np.float64], ...]:
-    rows, velocity, acceleration = machine.limit_rows()
-    slack = 1 - MARGIN
-    return rows, velocity * slack, acceleration * slack, machine.jerk_limits() * slack
+def _limits(machine: Machine, moves: Moves) -> tuple[NDArray[np.float64], ...]:
+    """Return rows that the moves use, and their limits."""
+    rows, *limits = *machine.limit_rows(), machine.jerk_limits()
+    moving = (np.diff(moves.end, axis=0, prepend=moves.start[None]) != 0).any(axis=0)
+    for plane in np.unique(moves.plane[moves.kind == MoveKind.ARC]):
+        moving[list(Plane(plane).axes)] = True
+    used = (rows[:, moving] != 0).any(axis=1)
+    return rows[used], *(limit[used] * (1 - MARGIN) for limit in limits)
 
 
 def _blended(

@@ -32,9 +32,9 @@ RAMP_SHARE = 0.998  # of the acceleration
 LEAST_SHARE = 0.1  # of the jerk for changing speed
 JERK_SHARE = 0.85  # of the jerk; the two pieces of a cell differ a little
 GROUP = 0.25  # of the time in which acceleration builds up: elements passed in it make one cell
-SPREAD = 4.0  # of it, from where speed changes without a limit of jerk to where with one
+SPREAD = 6.0  # of it, from where speed changes without a limit of jerk to where with one
 STEP = 0.4  # of that time, in the first cell of a long element
-GROWTH = 1.6  # of cells, from the ends of a long element to its middle
+GROWTH = 1.6  # of cells, at least, from where the acceleration changes
 WIDEST = 0.2  # of a cell on an arc [rad]
 PATIENCE = 9  # rounds before the speed is made steady there
 REPAIRS = 24  # rounds of tightening the limits where the law breaks them
@@ -122,37 +122,89 @@ def _cap(bounds: Bounds, at: int, feed: float, limits: Limits) -> float:
 
 @_part
 def _graded(
-    begin: float, end: float, first: float, last: float, widest: float, out: Floats, n: int
+    begin: float,
+    end: float,
+    step: float,
+    square: float,
+    slope: float,
+    pace: float,
+    widest: float,
+    back: bool,
+    out: Floats,
+    n: int,
 ) -> int:
-    """Put where to cut begin..end after ``out[n]``, finer towards both ends; return the new n."""
-    x, step = begin, min(first, widest)
-    y, back = end, min(last, widest)
-    far = n + (PARTS - n) // 4
-    while y - x > 1.2 * (step + back) and n < far:
-        if step <= back:
-            x += step
-            n += 1
-            out[n] = x
-            step = min(step * GROWTH, widest)
-        else:
-            y -= back
-            back = min(back * GROWTH, widest)
-    if y - x > max(step, back):
+    """Put where to cut begin..end after ``out[n]``; return the new n.
+
+    Cells grow from the start, or with ``back`` from the end: from ``step`` on, by `GROWTH`, or with
+    the speed if that grows faster; its square is ``square`` + ``slope`` times the distance.
+    """
+    first, size, x = n, end - begin, 0.0
+    step = min(step, widest)
+    while size - x > 1.5 * step and n < first + PARTS // 8:
+        x += step
         n += 1
-        out[n] = 0.5 * (x + y)
-    # the cuts from the end backwards, in order
-    count, at, back = 0, end, min(last, widest)
-    while at > y:
-        at -= back
-        count += 1
-        back = min(back * GROWTH, widest)
-    at, back = end, min(last, widest)
-    for i in range(count):
-        at -= back
-        back = min(back * GROWTH, widest)
-        out[n + count - i] = at
-    n += count + 1
+        out[n] = end - x if back else begin + x
+        step = min(max(GROWTH * step, pace * math.sqrt(square + slope * x)), widest)
+    if back:
+        for i in range((n - first) // 2):
+            out[first + 1 + i], out[n - i] = out[n - i], out[first + 1 + i]
+    n += 1
     out[n] = end
+    return n
+
+
+@_part
+def _cut(
+    total: float,
+    from_: float,
+    to: float,
+    peak: float,
+    ramp: float,
+    delay: float,
+    widest: float,
+    flat: bool,
+    out: Floats,
+) -> int:
+    """Put where to cut an element into ``out``, from 0 to ``total``; return how many cells.
+
+    Squares of its speed without a limit of jerk are ``from_`` and ``to`` at the ends and ``peak``
+    between, which is kept there if ``flat``.
+    """
+    pace = STEP * delay
+    least = 0.01 * delay * delay * ramp  # from rest, 0.4 of the delay
+    begin, finish = max(pace * math.sqrt(from_), least), max(pace * math.sqrt(to), least)
+    inside, rise = pace * math.sqrt(peak), 2.0 * ramp
+    up, down = (peak - from_) / rise, total - (peak - to) / rise
+    n, x, y = 0, 0.0, total
+    out[0] = 0.0
+    if up > begin and total - up > 0.5 * finish:
+        n = _graded(0.0, 0.5 * up, begin, from_, rise, pace, widest, False, out, n)
+        n = _graded(0.5 * up, up, inside, peak, 0.0, pace, widest, True, out, n)
+        x, begin, from_ = up, inside, peak
+    falls = down - x > 0.5 * inside and total - down > 0.5 * finish
+    if falls:
+        y = down
+    step, square = (inside, peak) if falls else (finish, to)
+    wide = SPREAD * delay * math.sqrt(peak)
+    if flat and y - x > 3.0 * wide:
+        n = _graded(x, x + wide, begin, from_, 0.0, pace, widest, False, out, n)
+        n += 1
+        out[n] = y - wide
+        n = _graded(y - wide, y, step, square, 0.0, pace, widest, True, out, n)
+    else:
+        grow = rise if from_ < peak else 0.0
+        fall = rise if square < peak else 0.0
+        middle = 0.5 * (x + y)
+        if y - x > 1.2 * (begin + step):
+            n = _graded(x, middle, begin, from_, grow, pace, widest, False, out, n)
+            n = _graded(middle, y, step, square, fall, pace, widest, True, out, n)
+        else:
+            n += 1
+            out[n] = y
+    if falls:
+        middle = 0.5 * (y + total)
+        n = _graded(y, middle, inside, peak, 0.0, pace, widest, False, out, n)
+        n = _graded(middle, total, finish, to, rise, pace, widest, True, out, n)
     return n
 
 
@@ -214,32 +266,18 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
                     total += path.length[j]
                     count += 1
                     continue
-                low = min(low, speed[j + 1])
-                top = min(top, cap[j])
-                if total + path.length[j] > quick * math.sqrt(max(low, 0.05 * top)):
+                slow, fast = min(low, speed[j + 1]), min(top, cap[j])
+                if total + path.length[j] > quick * math.sqrt(max(slow, 0.05 * fast)):
                     break
+                low, top = slow, fast
                 total += path.length[j]
                 count += 1
             if count == 1 and busy[e] < SPREAD * delay * math.sqrt(top):
-                step = STEP * delay
-                least = 0.01 * delay * delay * ramp[e]  # from rest, 0.4 of the delay
-                begin = max(step * math.sqrt(speed[e]), least)
-                finish = max(step * math.sqrt(speed[e + 1]), least)
                 widest = WIDEST / path.omega[e] if path.omega[e] > 0.0 else math.inf
-                peak = 0.5 * (speed[e] + speed[e + 1]) + ramp[e] * total
-                peak = min(peak, top)
-                up = (peak - speed[e]) / (2.0 * ramp[e])
-                down = total - (peak - speed[e + 1]) / (2.0 * ramp[e])
-                inside = step * math.sqrt(peak)
-                parts, x = 0, 0.0
-                cut[0] = 0.0
-                if up > begin and total - up > 0.5 * finish:
-                    parts = _graded(0.0, up, begin, inside, widest, cut, parts)
-                    x, begin = up, inside
-                if down - x > 0.5 * inside and total - down > 0.5 * finish:
-                    parts = _graded(x, down, begin, inside, widest, cut, parts)
-                    x, begin = down, inside
-                parts = _graded(x, total, begin, finish, widest, cut, parts)
+                peak = min(0.5 * (speed[e] + speed[e + 1]) + ramp[e] * total, top)
+                parts = _cut(
+                    total, speed[e], speed[e + 1], peak, ramp[e], delay, widest, peak == top, cut
+                )
                 if parts == 1 and starts and ends:
                     parts, cut[1], cut[2] = 2, 0.5 * total, total
         else:

@@ -31,10 +31,23 @@ def compiled(**options: Any) -> Callable[[F], F]:
             # numba, whose version is pinned, has no public way to say on what a kernel depends
             kept: Any = dispatcher._cache._cache_file
             kept._source_stamp = stamp(function.__code__.co_filename)
+            kept._load_index = _tolerant(kept._load_index)
         result: F = dispatcher
         return result
 
     return decorate
+
+
+def _tolerant(load_index: Callable[[], Any]) -> Callable[[], Any]:
+    """Return ``load_index`` such that an index with types that are gone counts as outdated."""
+
+    def load() -> Any:
+        try:
+            return load_index()
+        except (AttributeError, ImportError):
+            return {}
+
+    return load
 
 
 @cache

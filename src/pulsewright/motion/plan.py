@@ -52,8 +52,8 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     machine.check_travel(moves)
     limits = path.Limits(*_limits(machine, moves))
     elements = path.elements(*_blended(moves, limits))
-    grid, bounds = plan_kernels.cells(elements, limits)
-    b, a, split, _ = plan_kernels.speeds(grid, bounds, limits)
+    grid = plan_kernels.cells(elements, limits)
+    b, a, split, _ = plan_kernels.speeds(grid)
     element, start, law = plan_kernels.law(elements, grid, b, a, split)
     return Trajectory(*elements[:6], element, start, law)
 

@@ -9,6 +9,9 @@ all of them at once::
     second b + first |a| <= acceleration
     third v^3 + 3 second v |a| + first |j| <= jerk
 
+With each inequality over its limit, six coefficients remain, the *shares* of a cell: of ``v``, of
+``|a|``, of ``|j|``, of ``b``, of ``v |a|``, of ``v^3``.
+
 What is chosen are ``b`` and ``a`` at the *nodes* between cells. Whatever they are, a time law with
 two pieces of constant jerk on every cell has exactly these values at its ends; so the acceleration
 is continuous by construction, and limits are checked on the law itself.
@@ -50,14 +53,6 @@ PARTS = 4096  # cells of one element at most
 _part = compiled(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
-class Bounds(NamedTuple):
-    """Largest magnitudes of the derivatives of position by the path coordinate, along each row."""
-
-    first: Floats  # (n, r)
-    second: Floats  # (n, r)
-    third: Floats  # (n, r)
-
-
 class Cells(NamedTuple):
     """Stretches of the path with common bounds."""
 
@@ -66,14 +61,15 @@ class Cells(NamedTuple):
     size: Floats  # (n,); 0 for a rest
     feed: Floats  # (n,)
     rest: NDArray[np.bool_]  # (n,) whether the machine rests at the end
+    share: Floats  # (n, r, 6)
 
 
 @_part
 def _bound(
-    path: Elements, rows: Floats, e: int, begin: float, end: float, bounds: Bounds, at: int
+    path: Elements, limits: Limits, e: int, begin: float, end: float, share: Floats
 ) -> None:
-    """Raise the bounds of cell ``at`` to those of a part of element ``e``."""
-    w, h = path.omega[e], end - begin
+    """Raise the shares (r, 6) of a cell to those of a part of element ``e``."""
+    w, h, rows = path.omega[e], end - begin, limits.rows
     for r in range(rows.shape[0]):
         p1, p2, p3, c, s = 0.0, 0.0, 0.0, 0.0, 0.0
         for axis in range(6):
@@ -100,23 +96,25 @@ def _bound(
             first += w * swing * along
             second += w * w * swing * inward
             third += w**3 * swing * along
-        bounds.first[at, r] = max(bounds.first[at, r], first)
-        bounds.second[at, r] = max(bounds.second[at, r], second)
-        bounds.third[at, r] = max(bounds.third[at, r], third)
+        share[r, 0] = max(share[r, 0], first / limits.velocity[r])
+        share[r, 1] = max(share[r, 1], first / limits.acceleration[r])
+        share[r, 2] = max(share[r, 2], first / limits.jerk[r])
+        share[r, 3] = max(share[r, 3], second / limits.acceleration[r])
+        share[r, 4] = max(share[r, 4], 3.0 * second / limits.jerk[r])
+        share[r, 5] = max(share[r, 5], third / limits.jerk[r])
 
 
 @_part
-def _cap(bounds: Bounds, at: int, feed: float, limits: Limits) -> float:
+def _cap(share: Floats, feed: float) -> float:
     """Return the largest square of the speed on a cell."""
     top = feed * feed
-    for r in range(limits.velocity.size):
-        first, second, third = bounds.first[at, r], bounds.second[at, r], bounds.third[at, r]
-        if first > 0.0:
-            top = min(top, (limits.velocity[r] / first) ** 2)
-        if second > 0.0:
-            top = min(top, BEND_SHARE * limits.acceleration[r] / second)
-        if third > 0.0 and top * math.sqrt(top) * third > TWIST_SHARE * limits.jerk[r]:
-            top = (TWIST_SHARE * limits.jerk[r] / third) ** (2 / 3)
+    for r in range(share.shape[0]):
+        if share[r, 0] > 0.0:
+            top = min(top, 1.0 / (share[r, 0] * share[r, 0]))
+        if share[r, 3] > 0.0:
+            top = min(top, BEND_SHARE / share[r, 3])
+        if share[r, 5] > 0.0 and top * math.sqrt(top) * share[r, 5] > TWIST_SHARE:
+            top = (TWIST_SHARE / share[r, 5]) ** (2 / 3)
     return top
 
 
@@ -209,10 +207,10 @@ def _cut(
 
 
 @compiled(error_model="numpy")
-def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
+def cells(path: Elements, limits: Limits) -> Cells:
     """Cut the path into cells: fine where the speed may change, coarse elsewhere."""
     m, rows = path.length.size, limits.velocity.size
-    whole = Bounds(np.zeros((m, rows)), np.zeros((m, rows)), np.zeros((m, rows)))
+    whole = np.zeros((m, rows, 6))
     cap, ramp = np.zeros(m), np.zeros(m)
     delay = 0.0
     for r in range(rows):
@@ -222,12 +220,12 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
     for e in range(m):
         if path.length[e] == 0.0:
             continue
-        _bound(path, limits.rows, e, 0.0, path.length[e], whole, e)
-        cap[e] = _cap(whole, e, path.feed[e], limits)
-        ramp[e] = math.inf
+        _bound(path, limits, e, 0.0, path.length[e], whole[e])
+        cap[e] = _cap(whole[e], path.feed[e])
+        steepest = 0.0
         for r in range(rows):
-            if whole.first[e, r] > 0.0:
-                ramp[e] = min(ramp[e], limits.acceleration[r] / whole.first[e, r])
+            steepest = max(steepest, whole[e, r, 1])
+        ramp[e] = 1.0 / steepest
         if e > 0 and not path.rest[e - 1]:
             speed[e] = min(
                 min(cap[e - 1], cap[e]), speed[e - 1] + 2.0 * ramp[e - 1] * path.length[e - 1]
@@ -296,7 +294,7 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
                 n += 1
         e += count
     feed, rest = np.empty(n), np.zeros(n, np.bool_)
-    bounds = Bounds(np.zeros((n, rows)), np.zeros((n, rows)), np.zeros((n, rows)))
+    share = np.zeros((n, rows, 6))
     for c in range(n):
         e = element[c]
         after = element[c + 1] if c + 1 < n else m
@@ -304,37 +302,33 @@ def cells(path: Elements, limits: Limits) -> tuple[Cells, Bounds]:
         if path.length[e] == 0.0:
             rest[c] = True
         elif after <= e + 1 and length[c] < path.length[e]:
-            _bound(path, limits.rows, e, offset[c], offset[c] + length[c], bounds, c)
+            _bound(path, limits, e, offset[c], offset[c] + length[c], share[c])
             rest[c] = after > e and path.rest[e]
         else:
             for j in range(e, after):
                 feed[c] = min(feed[c], path.feed[j])
                 for r in range(rows):
-                    bounds.first[c, r] = max(bounds.first[c, r], whole.first[j, r])
-                    bounds.second[c, r] = max(bounds.second[c, r], whole.second[j, r])
-                    bounds.third[c, r] = max(bounds.third[c, r], whole.third[j, r])
+                    for k in range(6):
+                        share[c, r, k] = max(share[c, r, k], whole[j, r, k])
             rest[c] = path.rest[after - 1]
-    return Cells(element[:n], offset[:n], length[:n], feed, rest), bounds
+    return Cells(element[:n], offset[:n], length[:n], feed, rest, share)
 
 
 @_part
-def _free(bounds: Bounds, c: int, b: float, limits: Limits) -> tuple[float, float]:
+def _free(share: Floats, b: float) -> tuple[float, float]:
     """Return the path acceleration and path jerk that a cell allows at the square of speed ``b``."""
     v, least = math.sqrt(b), 0.0
     a, j = math.inf, math.inf
-    for r in range(limits.velocity.size):
-        first, second = bounds.first[c, r], bounds.second[c, r]
-        if first > 0.0:
-            a = min(a, (RAMP_SHARE * limits.acceleration[r] - second * b) / first)
-        if second > 0.0:
-            left = limits.jerk[r] - bounds.third[c, r] * b * v
-            a = min(a, COUPLED_SHARE * left / (3.0 * second * v))
-    for r in range(limits.velocity.size):
-        first = bounds.first[c, r]
-        if first > 0.0:
-            used = bounds.third[c, r] * b * v + 3.0 * bounds.second[c, r] * v * a
-            j = min(j, (JERK_SHARE * limits.jerk[r] - used) / first)
-        least = max(least, first / limits.jerk[r])
+    for r in range(share.shape[0]):
+        if share[r, 1] > 0.0:
+            a = min(a, (RAMP_SHARE - share[r, 3] * b) / share[r, 1])
+        if share[r, 4] > 0.0:
+            a = min(a, COUPLED_SHARE * (1.0 - share[r, 5] * b * v) / (share[r, 4] * v))
+    for r in range(share.shape[0]):
+        if share[r, 2] > 0.0:
+            used = share[r, 5] * b * v + share[r, 4] * v * a
+            j = min(j, (JERK_SHARE - used) / share[r, 2])
+            least = max(least, share[r, 2])
     return max(a, 0.0), max(j, LEAST_SHARE / least if least > 0.0 else 0.0)
 
 
@@ -456,8 +450,6 @@ class Task(NamedTuple):
     """What speeds are planned from, and what is tightened on the way."""
 
     cells: Cells
-    bounds: Bounds
-    limits: Limits
     cap: Floats  # (n,) largest b on a cell
     ease: Floats  # (n,) share of it and of the acceleration
     soft: Floats  # (n,) share of the jerk
@@ -490,11 +482,12 @@ def _pieces(
 
 
 @_part
-def _use(task: Task, b: Floats, a: Floats, c: int, split: float) -> tuple[float, float, float]:
-    """Return the used shares of velocity, acceleration and jerk on a cell, at worst."""
-    bounds, limits = task.bounds, task.limits
+def _use(
+    share: Floats, feed: float, size: float, b: Floats, a: Floats, c: int, split: float
+) -> tuple[float, float, float]:
+    """Return the used shares of velocity, acceleration and jerk on cell ``c``, at worst."""
     a0, a1 = a[c], a[c + 1]
-    time, am, vm = _pieces(b[c], b[c + 1], a0, a1, task.cells.size[c], split)
+    time, am, vm = _pieces(b[c], b[c + 1], a0, a1, size, split)
     if time < 0.0:
         return 1.0, 1.0, 8.0
     v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
@@ -509,26 +502,28 @@ def _use(task: Task, b: Floats, a: Floats, c: int, split: float) -> tuple[float,
         return 1.0, 1.0, 8.0
     rate = max(abs(a0), abs(a1), abs(am))
     j = max(abs(am - a0) / split, abs(a1 - am) / (1.0 - split)) / time
-    velocity, acceleration, jerk = top / task.cells.feed[c], 0.0, 0.0
-    square, cube, mixed = top * top, top * top * top, 3.0 * top * rate
-    for r in range(limits.velocity.size):
-        first, second, third = bounds.first[c, r], bounds.second[c, r], bounds.third[c, r]
-        velocity = max(velocity, first * top / limits.velocity[r])
-        acceleration = max(acceleration, (second * square + first * rate) / limits.acceleration[r])
-        jerk = max(jerk, (third * cube + second * mixed + first * j) / limits.jerk[r])
+    velocity, acceleration, jerk = top / feed, 0.0, 0.0
+    square, cube, mixed = top * top, top * top * top, top * rate
+    for r in range(share.shape[1]):
+        velocity = max(velocity, share[c, r, 0] * top)
+        acceleration = max(acceleration, share[c, r, 3] * square + share[c, r, 1] * rate)
+        used = share[c, r, 5] * cube + share[c, r, 4] * mixed + share[c, r, 2] * j
+        jerk = max(jerk, used)
     return velocity, acceleration, jerk
 
 
 @_part
-def _holds(task: Task, b: Floats, a: Floats, c: int, split: float) -> bool:
+def _holds(
+    share: Floats, feed: float, size: float, b: Floats, a: Floats, c: int, split: float
+) -> bool:
     """Return whether the law of a cell keeps the limits."""
-    v, s, j = _use(task, b, a, c, split)
+    v, s, j = _use(share, feed, size, b, a, c, split)
     return max(v, s, j) <= 1.0 + ROUNDING
 
 
 @compiled(error_model="numpy")
 def speeds(
-    grid: Cells, bounds: Bounds, limits: Limits
+    grid: Cells,
 ) -> tuple[Floats, Floats, Floats, Ints]:
     """Return ``b`` and ``a`` at the nodes, (n + 1,), splits of cells, and what was repaired.
 
@@ -539,14 +534,14 @@ def speeds(
     n = grid.size.size
     b, a = np.zeros(n + 1), np.zeros(n + 1)
     task = Task(
-        grid, bounds, limits, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
+        grid, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
         np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((3, n + 1)),
     )  # fmt: skip
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
     for c in range(n):
         if grid.size[c] > 0.0:
-            task.cap[c] = _cap(bounds, c, grid.feed[c], limits)
+            task.cap[c] = _cap(grid.share[c], grid.feed[c])
     first = 0
     while first < n:
         last = first
@@ -589,10 +584,10 @@ def _check(
     task: Task, b: Floats, a: Floats, first: int, last: int, broken: NDArray[np.bool_], trial: int
 ) -> int:
     """Find the cells whose law breaks a limit, tighten limits there, and return how many."""
-    count = 0
+    count, cells = 0, task.cells
     for c in range(first, last):
         task.split[c] = 0.5
-        broken[c] = not _holds(task, b, a, c, 0.5)
+        broken[c] = not _holds(cells.share, cells.feed[c], cells.size[c], b, a, c, 0.5)
     for c in range(first, last):
         if not broken[c]:
             continue
@@ -609,7 +604,7 @@ def _check(
                 task.soft[near] *= 0.9
                 task.ease[near] = min(task.ease[near], max(0.95 * level / task.cap[near], 1e-3))
             continue
-        v, s, j = _use(task, b, a, c, 0.5)
+        v, s, j = _use(cells.share, cells.feed[c], cells.size[c], b, a, c, 0.5)
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
@@ -629,9 +624,9 @@ def _bridged(
     broken: NDArray[np.bool_],
 ) -> bool:
     """Lead one law of two pieces over ever more cells around a broken one, until limits hold."""
-    size, split = task.cells.size, task.split
+    cells, size, split = task.cells, task.cells.size, task.split
     for share in SPLITS:
-        if _holds(task, b, a, c, share):
+        if _holds(cells.share, cells.feed[c], cells.size[c], b, a, c, share):
             split[c], broken[c] = share, False
             return True
     keep, hold, part = task.work[0], task.work[1], task.work[2]
@@ -661,7 +656,7 @@ def _spread(
     task: Task, b: Floats, a: Floats, low: int, high: int, time: float, middle: float, share: float
 ) -> bool:
     """Put the states of one law over several cells into their nodes; return whether limits hold."""
-    size, split = task.cells.size, task.split
+    cells, size, split = task.cells, task.cells.size, task.split
     v0, a0 = math.sqrt(b[low]), a[low]
     turn = share * time
     j0, j1 = (middle - a0) / turn, (a[high] - middle) / (time - turn)
@@ -691,7 +686,7 @@ def _spread(
         split[c] = 0.5
         if before < 0.0 < t:
             split[c] = min(max(-before / (t - before), 0.05), 0.95)
-        if not _holds(task, b, a, c, split[c]):
+        if not _holds(cells.share, cells.feed[c], cells.size[c], b, a, c, split[c]):
             return False
     return True
 
@@ -699,10 +694,10 @@ def _spread(
 @_part
 def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Let time pass more slowly from rest to rest, such that all limits hold."""
-    worst = 1.0
+    worst, cells = 1.0, task.cells
     for c in range(first, last):
         task.split[c] = 0.5
-        v, s, j = _use(task, b, a, c, 0.5)
+        v, s, j = _use(cells.share, cells.feed[c], cells.size[c], b, a, c, 0.5)
         worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
     for i in range(first, last + 1):
         b[i] /= worst * worst
@@ -735,16 +730,15 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 @_part
 def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
     """Put the second-order optimum into ``b``, and what it leaves free on the cells."""
-    bounds, limits, size, ease = task.bounds, task.limits, task.cells.size, task.ease
-    count = limits.velocity.size
+    share, size, ease = task.cells.share, task.cells.size, task.ease
     for c in range(first + 1, last):
         b[c] = min(task.cap[c - 1] * ease[c - 1], task.cap[c] * ease[c])
     for c in range(last - 1, first, -1):
-        b[c] = min(b[c], _reach(bounds, limits, ease[c], c, size[c], b[c + 1], count))
+        b[c] = min(b[c], _reach(share, c, ease[c], size[c], b[c + 1]))
     for c in range(first, last):
         if c + 1 < last:
-            b[c + 1] = min(b[c + 1], _reach(bounds, limits, ease[c], c, size[c], b[c], count))
-        free, j = _free(bounds, c, max(b[c], b[c + 1]), limits)
+            b[c + 1] = min(b[c + 1], _reach(share, c, ease[c], size[c], b[c]))
+        free, j = _free(share[c], max(b[c], b[c + 1]))
         task.ramp[c], task.jerk[c] = free * ease[c], j * task.soft[c]
     ramp, jerk = task.ramp, task.jerk
     for c in range(first + 1, last):
@@ -756,16 +750,13 @@ def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
 
 
 @_part
-def _reach(
-    bounds: Bounds, limits: Limits, ease: float, c: int, size: float, b: float, count: int
-) -> float:
+def _reach(share: Floats, c: int, ease: float, size: float, b: float) -> float:
     """Return the largest ``b`` at the other end of a cell, by the acceleration."""
     free, q = math.inf, 0.5 / size
-    for r in range(count):
-        x = bounds.first[c, r] * q
+    for r in range(share.shape[1]):
+        x = share[c, r, 1] * q
         if x > 0.0:
-            limit = ease * RAMP_SHARE * limits.acceleration[r]
-            free = min(free, (limit + x * b) / (bounds.second[c, r] + x))
+            free = min(free, (ease * RAMP_SHARE + x * b) / (share[c, r, 3] + x))
     return max(free, b)
 
 

@@ -182,12 +182,13 @@ def certify(trajectory: Trajectory, moves: Moves, machine: Machine) -> Certifica
     def place(use: float, what: str, k: int) -> Worst:
         return Worst(float(use), what, int(line[k]), float(trajectory.start[k]))
 
-    groups = (
-        tuple(place(*worst) for worst in zip(u, machine.axes, k, strict=True))
-        for u, k in zip(use, where, strict=True)
-    )
+    def group(n: int) -> tuple[Worst, ...]:
+        return tuple(place(*worst) for worst in zip(use[n], machine.axes, where[n], strict=True))
+
     return Certificate(
-        *groups,
+        velocity=group(0),
+        acceleration=group(1),
+        jerk=group(2),
         feed=place(feed.max(), "feed", int(feed.argmax())),
         path=place(off.max(), "tolerance", int(off.argmax())),
         deviation=float(deviation.max()),

@@ -25,7 +25,7 @@ CLOSE = 1e-3  # of the bound: upper bound and actual value agree
 def _product(a: float, b: float, c: float, d: float) -> tuple[float, float]:
     """Return the interval of products of a..b and c..d."""
     p, q, r, s = a * c, a * d, b * c, b * d
-    return min(min(p, q), min(r, s)), max(max(p, q), max(r, s))
+    return min(p, q, r, s), max(p, q, r, s)
 
 
 @compiled(error_model="numpy")

@@ -51,7 +51,8 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
 
     machine.check_travel(moves)
     limits = path.Limits(*_limits(machine, moves))
-    elements = path.elements(*_blended(moves, limits))
+    segments = _segments(moves, limits)
+    elements = path.elements(segments, *path.blends(segments, limits))
     grid = plan_kernels.cells(elements, limits)
     b, a, split, _ = plan_kernels.speeds(grid)
     element, start, law = plan_kernels.law(elements, grid, b, a, split)
@@ -68,10 +69,8 @@ def _limits(machine: Machine, moves: Moves) -> tuple[NDArray[np.float64], ...]:
     return rows[used], *(limit[used] * (1 - MARGIN) for limit in limits)
 
 
-def _blended(
-    moves: Moves, limits: Limits
-) -> tuple[Segments, *tuple[NDArray[np.float64], ...], NDArray[np.bool_]]:
-    """Return the segments of the path, the blends between them, and the rests."""
+def _segments(moves: Moves, limits: Limits) -> Segments:
+    """Return the segments of the path, after chords have replaced runs of short ones."""
     from pulsewright.motion import path
 
     kept, tolerance = path.kept_moves(
@@ -99,7 +98,7 @@ def _blended(
             *(nowhere, nowhere, zero, zero, np.zeros(1, np.int64)),
             *(zero, zero, zero, zero, zero),
         )
-    return segments, *path.blends(segments, limits)
+    return segments
 
 
 def begin_times(trajectory: Trajectory, count: int) -> NDArray[np.float64]:

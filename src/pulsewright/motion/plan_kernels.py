@@ -65,9 +65,7 @@ class Cells(NamedTuple):
 
 
 @_part
-def _bound(
-    path: Elements, limits: Limits, e: int, begin: float, end: float, share: Floats
-) -> None:
+def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, share: Floats) -> None:
     """Raise the shares (r, 6) of a cell to those of a part of element ``e``."""
     w, h, rows = path.omega[e], end - begin, limits.rows
     for r in range(rows.shape[0]):
@@ -228,7 +226,7 @@ def cells(path: Elements, limits: Limits) -> Cells:
         ramp[e] = 1.0 / steepest
         if e > 0 and not path.rest[e - 1]:
             speed[e] = min(
-                min(cap[e - 1], cap[e]), speed[e - 1] + 2.0 * ramp[e - 1] * path.length[e - 1]
+                cap[e - 1], cap[e], speed[e - 1] + 2.0 * ramp[e - 1] * path.length[e - 1]
             )
     busy = np.empty(m)  # distance to where the speed changes
     near = math.inf
@@ -260,7 +258,11 @@ def cells(path: Elements, limits: Limits) -> Cells:
                 j = e + count
                 if path.rest[j]:  # the first and the last element of a run stay by themselves
                     break
-                if steady and busy[j] >= SPREAD * delay * path.feed[j] and path.feed[j] == path.feed[e]:
+                if (
+                    steady
+                    and busy[j] >= SPREAD * delay * path.feed[j]
+                    and path.feed[j] == path.feed[e]
+                ):
                     total += path.length[j]
                     count += 1
                     continue
@@ -316,7 +318,7 @@ def cells(path: Elements, limits: Limits) -> Cells:
 
 @_part
 def _free(share: Floats, b: float) -> tuple[float, float]:
-    """Return the path acceleration and path jerk that a cell allows at the square of speed ``b``."""
+    """Return the path acceleration and jerk that a cell allows at the square of speed ``b``."""
     v, least = math.sqrt(b), 0.0
     a, j = math.inf, math.inf
     for r in range(share.shape[0]):
@@ -353,13 +355,20 @@ def _gain(v: float, a: float, top: float, jerk: float, size: float) -> tuple[flo
 
 @_part
 def _climb(
-    size: Floats, b: Floats, a: Floats, ramp: Floats, jerk: Floats, first: int, last: int, way: int,
+    size: Floats,
+    b: Floats,
+    a: Floats,
+    ramp: Floats,
+    jerk: Floats,
+    first: int,
+    last: int,
+    way: int,
     rise: float,
 ) -> None:
     """Lower ``b`` such that the slope grows no faster than the jerk allows, away from ``first``.
 
-    ``rise`` is the slope at ``first``. Where ``b`` keeps its value, ``a`` does; elsewhere it becomes
-    that of the law.
+    ``rise`` is the slope at ``first``. Where ``b`` keeps its value, ``a`` does; elsewhere it
+    becomes that of the law.
     """  # fmt: skip
     i = first
     while i != last:
@@ -443,7 +452,8 @@ def _slope(b: Floats, size: Floats, jerk: Floats, i: int) -> float:
     flat = abs(left) <= most * jerk[i - 1] * x or abs(right) <= most * jerk[i] * y
     if flat or left < 0.0 < right:  # the lowest place: whatever climbs from it, begins so
         return 0.0
-    return (left * y + right * x) / (x + y)
+    mean: float = (left * y + right * x) / (x + y)
+    return mean
 
 
 class Task(NamedTuple):
@@ -528,8 +538,9 @@ def speeds(
     """Return ``b`` and ``a`` at the nodes, (n + 1,), splits of cells, and what was repaired.
 
     From rest to rest: the second-order optimum, then what the jerk takes from it, see `_climb` and
-    `_round_peaks`. Where the law of a cell breaks a limit, limits are tightened there and the speeds
-    around it are planned again; a run that does not come to an end is slowed down as a whole.
+    `_round_peaks`. Where the law of a cell breaks a limit, one law is led over more cells, see
+    `_bridged`. If that does not help, limits are tightened there and the speeds around it are
+    planned again; a run that does not come to an end is slowed down as a whole.
     """
     n = grid.size.size
     b, a = np.zeros(n + 1), np.zeros(n + 1)

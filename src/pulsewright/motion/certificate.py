@@ -20,6 +20,7 @@ from pulsewright.motion.trajectory import Trajectory
 
 ROUNDING: Final = 1e-6  # allowed in positions, velocities and times [mm, degrees, s]
 STILL: Final = 1e-8  # motion shorter than this is none [mm, degrees]
+PARTS: Final = 64  # of a cubic whose control points lie too far out
 CLOSE: Final = 1e-3  # jump of acceleration that counts as none [mm/s^2, degrees/s^2]
 
 Floats = NDArray[np.float64]
@@ -315,11 +316,15 @@ class _Reference:
         cosine = t.cosine - np.where(w > 0, self.cosine[run] * cos + self.sine[run] * sin, 0)
         sine = t.sine - np.where(w > 0, self.sine[run] * cos - self.cosine[run] * sin, 0)
         skew = np.abs(t.omega - self.omega[run]) * t.length * _norm(t.cosine)
-        away = _hull(apart, t.length) + _norm(cosine) + _norm(sine) + skew + self.chord[run]
+        bound = _hull(apart, t.length)
+        rest = _norm(cosine) + _norm(sine) + skew + self.chord[run]
         # a blend at either end of the run, or the chord
         allowed = np.maximum(self.corner, np.append(0.0, self.corner[:-1]))
         allowed = np.maximum(allowed, np.where(np.isinf(self.inner), 0.0, self.inner))
-        return away, np.maximum(allowed[run], ROUNDING)
+        allowed = np.maximum(allowed[run], ROUNDING)
+        coarse = np.flatnonzero(bound + rest > allowed)  # control points lie outside of curves
+        bound[coarse] = _hull_of_parts([c[coarse] for c in apart], t.length[coarse])
+        return bound + rest, allowed
 
     def rests(self, motion: _Pieces) -> tuple[float, int]:
         """Return the largest error of position at rest, and the number of rests not made."""
@@ -351,6 +356,21 @@ def _norm(v: Floats) -> Floats:
     """Return the larger of the linear and the rotary length of each vector."""
     linear, rotary = np.linalg.norm(v[:, :3], axis=1), np.linalg.norm(v[:, 3:], axis=1)
     return np.asarray(np.maximum(linear, rotary))
+
+
+def _hull_of_parts(c: list[Floats], size: Floats) -> Floats:
+    """Bound the length of cubics over 0..size by the control points of `PARTS` parts of them."""
+    bound, step = np.zeros(len(size)), size / PARTS
+    for part in range(PARTS):
+        x = (part * step)[:, None]
+        moved = [
+            c[0] + (c[1] + (c[2] + c[3] * x) * x) * x,
+            c[1] + (2 * c[2] + 3 * c[3] * x) * x,
+            c[2] + 3 * c[3] * x,
+            c[3],
+        ]
+        bound = np.maximum(bound, _hull(moved, step))
+    return bound
 
 
 def _hull(c: list[Floats], size: Floats) -> Floats:

@@ -17,7 +17,7 @@ from pulsewright.compiled import compiled
 Floats = NDArray[np.float64]
 
 DEPTH = 40  # halvings of a piece at most, where a limit is in question
-FINE = 10  # where the limit holds
+FINE = 12  # where the limit holds
 CLOSE = 1e-3  # of the bound: upper bound and actual value agree
 
 

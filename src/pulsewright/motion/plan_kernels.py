@@ -39,6 +39,8 @@ SPREAD = 6.0  # of it, from where speed changes without a limit of jerk to where
 STEP = 0.4  # of that time, in the first cell of a long element
 GROWTH = 1.6  # of cells, at least, from where the acceleration changes
 WIDEST = 0.2  # of a cell on an arc [rad]
+SHORT = 7  # cells from rest to rest: better tighten limits at first
+GENTLE = 3  # rounds of that
 ROUNDS = 2  # of rounding peaks
 PATIENCE = 9  # rounds before the speed is made steady there
 REPAIRS = 24  # rounds of tightening the limits where the law breaks them
@@ -571,7 +573,8 @@ def speeds(
         last += 1  # nodes first..last, cells first..last - 1
         if grid.size[first] > 0.0:
             _fit(task, b, a, first, last)
-            left = _check(task, b, a, first, last, broken, 0)
+            short = last - first <= SHORT
+            left = _check(task, b, a, first, last, broken, 0, not short)
             for trial in range(REPAIRS):
                 if left == 0:
                     break
@@ -591,7 +594,9 @@ def speeds(
                     repaired[0] += 1
                     repaired[1] += high - low
                     _fit(task, b, a, low, high)
-                    left += _check(task, b, a, low, high, broken, trial + 1)
+                    left += _check(
+                        task, b, a, low, high, broken, trial + 1, not short or trial >= GENTLE
+                    )
                     c = high
             if left > 0:
                 repaired[2] += 1
@@ -602,7 +607,14 @@ def speeds(
 
 @_part
 def _check(
-    task: Task, b: Floats, a: Floats, first: int, last: int, broken: NDArray[np.bool_], trial: int
+    task: Task,
+    b: Floats,
+    a: Floats,
+    first: int,
+    last: int,
+    broken: NDArray[np.bool_],
+    trial: int,
+    bridge: bool,
 ) -> int:
     """Find the cells whose law breaks a limit, tighten limits there, and return how many."""
     count, cells = 0, task.cells
@@ -612,7 +624,7 @@ def _check(
     for c in range(first, last):
         if not broken[c]:
             continue
-        if _bridged(task, b, a, first, last, c, broken):
+        if bridge and _bridged(task, b, a, first, last, c, broken):
             continue
         count += 1
         if trial >= PATIENCE:  # drive steadily there: that needs neither acceleration nor jerk

@@ -252,13 +252,14 @@ def _limits(
 
 @compiled(error_model="numpy")
 def _size_needed(e1: Floats, e2: Floats, top: float, limits: Limits) -> float:
-    """Return the size of a blend that takes all acceleration at the square of speed ``top``."""
-    size = 0.0
+    """Return the size of a blend that takes all acceleration or jerk at a square of the speed."""
+    size, cube = 0.0, top * math.sqrt(top)
     for r in range(limits.acceleration.size):
         turn = 0.0
         for axis in range(6):
             turn += limits.rows[r, axis] * (e2[axis] - e1[axis])
         size = max(size, abs(turn) * top / (2.0 * limits.acceleration[r]))
+        size = max(size, math.sqrt(abs(turn) * cube / limits.jerk[r]))
     return size
 
 

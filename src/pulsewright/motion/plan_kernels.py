@@ -393,8 +393,9 @@ def _climb(
 def _bend(drive: Floats, jerk: Floats, c: int) -> float:
     """Return how fast the acceleration falls along a cell, with speeds as in ``drive``."""
     top = math.sqrt(max(drive[c], drive[c + 1], 1e-12))
-    low = min(drive[c], drive[c + 1])
-    return jerk[c] / top if low > 0.0 else 1.5 * jerk[c] / top  # from rest, it is faster at first
+    from_rest = min(drive[c], drive[c + 1]) == 0.0  # then it is faster at first
+    bend: float = (1.5 if from_rest else 1.0) * jerk[c] / top
+    return bend
 
 
 @_part

@@ -25,7 +25,7 @@ _LABELS: Final = {
     "profile": "profile",
     "moves": "moves",
     "elements": "path elements",
-    "pieces": "pieces of constant acceleration",
+    "pieces": "pieces of constant jerk",
     "update_rate": "updates of the board [1/s]",
     "real_time_ratio": "machine time / CPU time",
     "messages": "messages of the program",

@@ -53,7 +53,13 @@ def test_a_good_program_passes_and_leaves_its_reports(call, folder):
     assert (code, err) == (0, "")
     assert "PASSED" in out
     files = {path.name for path in (folder / "out/part").iterdir()}
-    assert files == {"report.json", "report.html", "path.png", "trace.npz"}
+    written = {"report.json", "report.html", "path.png", "trace.npz", "certificate.json"}
+    assert files == written
+    certificate = json.loads((folder / "out/part/certificate.json").read_text())
+    assert certificate["passed"]
+    assert not certificate["violations"]
+    assert 0.5 < certificate["jerk"][0]["ratio"] <= 1
+    assert certificate["jerk"][0]["line"] >= 1
     report = json.loads((folder / "out/part/report.json").read_text())
     assert report["passed"] is True
     trace = EdgeTrace.load(folder / "out/part/trace.npz")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from pulsewright.edges.timing import DriveTiming
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.edges.writer import TraceWriter
 from pulsewright.errors import CheckFailedError, MachineError, UsageError
+from pulsewright.files import replacing
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.gcode import InterpreterSettings, interpret
 from pulsewright.motion.machine import WORK_OFFSETS, Machine
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from pulsewright.motion.trajectory import Trajectory
 
 TRACE: Final = "trace.npz"
+CERTIFICATE: Final = "certificate.json"
 CHUNK: Final = 5.0  # machine time handled at once [s]: bounds the memory of a job of any length
 
 
@@ -304,10 +307,15 @@ class Result:
         return self.job.duration / max(spent, 1e-9)
 
     def write(self, folder: Path, *, vcd: bool = False) -> None:
-        """Write report.json, report.html and path.png beside trace.npz, and trace.vcd if asked."""
+        """Write the report and certificate.json beside trace.npz, and trace.vcd if asked.
+
+        The report is report.json, report.html and path.png.
+        """
         from pulsewright.app.report import write_report
 
         write_report(self.verdict, self.context(), folder)
+        with replacing(folder / CERTIFICATE) as temporary:
+            temporary.write_text(json.dumps(self.job.certificate.to_json(), indent=2) + "\n")
         if vcd:
             from pulsewright.edges.vcd import write_vcd
 

@@ -308,6 +308,56 @@ def test_vector_17a_halt_takes_back_what_is_owed():
     assert ([9], [(10, 13), (18, 21)], (1 << 64) - 2, 0x00060200, 0, 0) in found
 
 
+@pytest.mark.parametrize("shared", [0, 1])
+def test_no_pulse_begins_in_a_halt(shared):
+    """Section 4.4: with HALT low at c, no STEP rises after c + 2."""
+    rise, found = 0, []
+    for before in (None, 3, 2):
+        host = Host(motors=1, shared_dda=shared)
+        timing(host, 4, 4, 1, 1)
+        if before is not None:
+            host.pin(rise - before, "halt", 0)
+        host.send(MOVE, 1000, -U, 0)  # a step at each tick
+        host.run(host.fell + 400)
+        rises = [cycle for cycle, level in host.edges("step0") if level]
+        if before is None:
+            rise = rises[3]
+            continue
+        found.append(len(rises))
+        # all that is owed is taken back
+        assert host.status(0xC0) == (1 << 64) - len(rises)
+        assert host.status(0xE9) == 0
+    assert found == [3, 4]
+
+
+@pytest.mark.parametrize("shared", [0, 1])
+def test_an_event_in_the_cycle_of_the_clear_is_counted(shared):
+    """Section 2.3: what is cleared in f + 4 is 1 with an event in that cycle."""
+    found, done = [], 0
+    for late in (None, -1, 0, 1):
+        host = Host(motors=1, encoders=0, shared_dda=shared)
+        host.send(MOVE, 1, 0, 0)
+        host.send(MOVE, 100, 0, 0)
+        if late is None:
+            host.run(host.free + 5000)
+            done = host.edges("move_done")[1][0] - 1  # seen a cycle later
+        else:
+            host.send(SWAP | 0xC5, 1, start=done + late - 4 - host.f(2, 0))
+            assert host.fell + 4 == done + late
+        found.append(host.status(0xE2))
+    assert found == [2, 1, 1, 0]
+
+
+def test_upstream_telemetry_is_of_the_start_of_the_move():
+    host = Host("upstream")
+    turn.phase = 0
+    host.run(turn(host, 400, -3, 51) + 10)
+    start = [(1 << 64) - 3, (1 << 64) - 50]
+    assert host.send(MOVE, 60_000, *[0] * 8)[2:] == [*start, *[0] * 6]
+    host.run(turn(host, host.free + 10, 10, 21) + 10)
+    assert host.send(MOVE, 1, *[0] * 8)[2:] == [*start, *[0] * 6]
+
+
 def test_software_halt():
     host = Host(halt_pin=0)
     host.pin(host.free, "halt", 0)  # there is no such pin

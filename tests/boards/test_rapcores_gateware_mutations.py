@@ -9,7 +9,9 @@ from unittest.mock import patch
 
 import pytest
 import rapcores_host
+import test_rapcores_gateware as vectors
 import test_rapcores_gateware_bridge as windings
+import test_rapcores_gateware_shared as shared
 from faults import faulty
 from rapcores_equality import Pair, busy
 
@@ -99,6 +101,10 @@ SHARED_FAULTS = {
     "the sum of the slice below": (SHARED, "carry & ~bottom[1]", "carry"),
     "the first tick of a move as any other": (SHARED, "Mux(self.first, first, total)", "total"),
     "words that arrive late are not seen": (COMPACT, "| (~sequencer.run & arrived)", ""),
+    "a copy of what encoders are later": (REGISTERS, "(here & ~live, then)", "(here & ~live, now)"),
+    "ticks left are those of the move before": (
+        COMPACT, "restart.eq(sequencer.load | sequencer.finish", "restart.eq(sequencer.finish",
+    ),
 }  # fmt: skip
 BRIDGE_FAULTS = {
     "B is a sine, too": (BRIDGE, "(phase[-2] ^ winding_b).replicate", "phase[-2].replicate"),
@@ -119,11 +125,40 @@ SHARED_BRIDGE_FAULTS = {
 }
 # Too rare in random traffic: the test that finds it.
 DIRECTED_FAULTS = {
+    "telemetry while a move executes": (
+        *(ORIGINAL, "with m.If(self._idle):\n", "with m.If(1):\n"),
+        vectors.test_upstream_telemetry_is_of_the_start_of_the_move,
+    ),
+    "pulses in a halt": (
+        *(PULSE, "~self.blocked & ~self.step", "~self.step"),
+        partial(vectors.test_no_pulse_begins_in_a_halt, 0),
+    ),
+    "pulses in a halt, with shared arithmetic": (
+        *(PULSE, "~self.blocked & ~self.step", "~self.step"),
+        partial(vectors.test_no_pulse_begins_in_a_halt, 1),
+    ),
+    "an event while cleared is lost": (
+        *(DOCUMENT, "Mux(cleared, 0, count) + self._events[name]",
+        "Mux(cleared, 0, count + self._events[name])"),
+        partial(vectors.test_an_event_in_the_cycle_of_the_clear_is_counted, 0),
+    ),
+    "an event while cleared is lost, with shared arithmetic": (
+        *(REGISTERS, "| self.zero, self.event[n],", "| self.zero, self.event[n] & ~self.zero,"),
+        partial(vectors.test_an_event_in_the_cycle_of_the_clear_is_counted, 1),
+    ),
+    "a copy of what has had its turn": (
+        *(REGISTERS, "Mux(turns[0], 0, my_delta)", "my_delta"),
+        shared.test_telemetry_is_that_of_the_cycle_in_which_a_move_starts,
+    ),
+    "what a reset interrupts stays": (
+        *(REGISTERS, "with m.If(self.clear):\n            pass", "with m.If(0):\n            pass"),
+        shared.test_the_shortest_reset_clears_the_time_since_the_last_count,
+    ),
     "owed steps stay in phases": (
         *(COMPACT, "counted - Mux(take, owed, 0)", "counted"),
         partial(windings.test_a_halt_takes_owed_steps_back_from_windings_too, 1),
     ),
-}
+}  # fmt: skip
 
 
 @contextmanager

@@ -136,3 +136,17 @@ def test_the_shortest_reset_clears_the_time_since_the_last_count():
         host.run(low + 700)
         # it counts from the end of the reset, 255 cycles after that with the pin low
         assert host.status(0x44) == (1 << 64) - (600 + 2 - 256)
+
+
+def test_telemetry_is_that_of_the_cycle_in_which_a_move_starts():
+    for phase in range(20):
+        host = Host(shared_dda=1, motors=1, encoders=1)
+        f = host.f(4, 300 + phase)
+        begin = f - 100
+        for n in range(120):  # a count in each cycle, up, visible after three
+            host.pin(begin + n, "enc0_" + "ab"[n % 2], int(n % 4 < 2))
+        host.send(MOVE, 60_000, 0, 0, start=300 + phase)
+        assert host.fell == f
+        # the move starts in f + 5
+        assert host.send(MOVE, 1, 0, 0) == [0, 0, f + 5 - 3 - begin + 1, 0]
+        assert host.status(0x04) == 120

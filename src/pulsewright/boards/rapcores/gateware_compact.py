@@ -19,6 +19,7 @@ from pulsewright.boards.rapcores.gateware_registers import (
     Block,
     CountingRegisters,
     Event,
+    copied_address,
     memory_address,
 )
 from pulsewright.boards.rapcores.gateware_shared import SharedDda, cycles
@@ -230,12 +231,8 @@ class CompactCore(DocumentCore):
         wide = self._encoders > 32 and self._word_bits > 32
         self._reply = reply = Signal(64 if wide else 32)
         self._extend, self._short_reply, self._inverted = Signal(), Signal(), Signal()
-        # Where a reply comes from that is there a cycle late: memory or copies.
-        self._late, self._late_copy = Signal(), Signal()
-        value = Signal(33)
-        m.d.comb += value.eq(
-            Mux(self._late_copy, registers.copied_value, Cat(registers.value, registers.inverted))
-        )
+        self._late = Signal()  # it comes from memory, a cycle late
+        value = Cat(registers.value, registers.inverted)
         with m.If(self._late):
             m.d.sync += [self._late.eq(0), reply.eq(value[:32]), self._inverted.eq(value[32])]
         shown, invert, byte = Signal(8), Signal(), spi.byte
@@ -255,17 +252,17 @@ class CompactCore(DocumentCore):
 
         soon = Signal()
         m.d.sync += soon.eq(spi.soon)
-        self._fetch = Signal()  # a header would be one that reads memory
+        self._fetch = Signal()  # the next word is one that reads memory
         m.d.comb += [
             registers.block.eq(spi.soon | soon | spi.strobe),
             registers.choose.eq(spi.strobe),
-            registers.read.eq(spi.strobe & self._idle & self._fetch),
+            registers.read.eq(spi.strobe & self._fetch),
         ]
+        self._bank, self._snap = Signal(), Signal()  # of the open message; its header
         self._places(m, spi.received, spi.word[8:16])
         # Telemetry is that of the start of the executing move, or, without one, of the cycle before
         # a header: remembered then, and copied if the header is that of a message with telemetry.
-        bank, newest, target = Signal(), Signal(), Signal()  # of the open message, and the last one
-        self._bank, self._snap, copy_bank = bank, Signal(), Signal()
+        bank, newest, target, copy_bank = self._bank, Signal(), Signal(), Signal()
         executing, use, copy = Signal(), Signal(), Signal()
         m.d.sync += executing.eq(sequencer.run)
         m.d.comb += [
@@ -293,14 +290,8 @@ class CompactCore(DocumentCore):
         m.d.comb += self._snap.eq(1)
 
     def _reply_telemetry(self, m: Module) -> None:
-        copied = min(self._encoders, self._motors)
-        if copied:
-            entry = self._number - 1
-            with m.If(self._number < 2 * copied + 1):
-                m.d.sync += [self._late.eq(1), self._late_copy.eq(1), self._extend.eq(1)]
-            m.d.comb += self._registers.copy_address.eq(
-                Cat(entry[: len(self._registers.copy_address) - 1], self._bank)
-            )
+        with m.If(self._fetch):
+            m.d.sync += [self._late.eq(1), self._extend.eq(1)]
 
     def _reply_status(self, m: Module, address: Value) -> None:
         block, _ = _relative(address)
@@ -312,18 +303,18 @@ class CompactCore(DocumentCore):
                 with m.Case(flags):
                     m.d.sync += [self._reply.eq(value), self._extend.eq(0)]
             with m.Default():
-                m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+                m.d.sync += self._late.eq(1)
 
     def _reply_configuration(self, m: Module, address: Value) -> None:
         with m.Switch(address):
             with m.Case(*(place for place, _ in STORED)):
-                m.d.sync += [self._late.eq(1), self._late_copy.eq(0)]
+                m.d.sync += self._late.eq(1)
             for place, current in zip(reg.W_CURRENT, self._current, strict=False):
                 with m.Case(place):
                     m.d.sync += self._reply.eq(current)
 
     def _places(self, m: Module, header: Value, address: Value) -> None:
-        """Find out where in memory a register is, a cycle before its header is complete."""
+        """Find out where in memory a reply is, a cycle before the word before it is complete."""
         block, index = _relative(address)
         place, fetch = Signal(ADDRESS_BITS, init=ZERO), Signal()
         m.d.sync += [self._registers.read_address.eq(place), self._fetch.eq(fetch)]
@@ -345,7 +336,13 @@ class CompactCore(DocumentCore):
             m.d.comb += place.eq(_configuration_place(address))
         stored = Cat(address == n for n, _ in STORED).any()
         flags = Cat(address == n for n in self._flags()).any()
-        with m.Switch(header):
+        with m.If(self._telling):
+            entry = self._number - 1
+            m.d.comb += [
+                place.eq(copied_address(entry[0], entry[1:], self._bank)),
+                fetch.eq(self._number < 2 * min(self._encoders, self._motors) + 1),
+            ]
+        with m.Elif(self._idle), m.Switch(header):
             with m.Case(reg.HEADER_STATUS_READ):
                 m.d.comb += fetch.eq(~flags)
             with m.Case(reg.HEADER_CONFIG_SWAP, reg.HEADER_CONFIG_READ):

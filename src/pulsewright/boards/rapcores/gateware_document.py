@@ -118,7 +118,8 @@ class DocumentCore(Component):
         self._encoder_fault = Signal(max(self._encoders, 1))
         self._formers = [PulseFormer() for _ in range(self._motors)]
         self._number = Signal(range(2 * self._motors + 2))  # of the word to come in a move
-        self._moving = Signal()  # it is one of a move that is accepted
+        self._telling = Signal()  # it is one of a move
+        self._moving = Signal()  # ... that is accepted
         self._ready = Signal()  # for the next tick
         # Configuration, as it is used.
         self._divider, self._control = Signal(8), Signal()
@@ -321,7 +322,8 @@ class DocumentCore(Component):
             self._write.eq(spi.strobe & (message == Message.SWAP)),
             self._events["completed"].eq(sequencer.finish),
             self._events["framing"].eq(spi.ended & spi.partial),
-            self._moving.eq((message == Message.MOVE) & self._accept),
+            self._telling.eq(message == Message.MOVE),
+            self._moving.eq(self._telling & self._accept),
         ]
         with m.If(spi.strobe):
             self._reply_nothing(m)

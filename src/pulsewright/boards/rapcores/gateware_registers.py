@@ -34,6 +34,7 @@ class Block(IntEnum):
     COUNTS = 3  # step positions from 0 on, event counters, registers that the host writes
     FIXED = 4  # constants
     DURATION = 5  # ticks of the moves in slots
+    COPY = 6  # position and velocity of encoders; another one in the block behind
 
 
 class Kind(IntEnum):
@@ -133,11 +134,9 @@ class CountingRegisters(Component):
         Write a register, in the cycle after one in which a read could have been.
     capture : In(1), copy : In(1), copy_bank : In(1)
         Remember what encoders are in this cycle. Copy, from the next cycle on, position and
-        velocity as they were then.
+        velocity as they were then, into one of two blocks.
     copying : Out(1)
         Not all is copied.
-    copy_address : In(7), copied_value : Out(33)
-        Bank, encoder and which of the two: what was copied, a cycle later; bit 32 is ``inverted``.
     """
 
     def __init__(
@@ -155,7 +154,6 @@ class CountingRegisters(Component):
         self._encoders, self._motors, self._copied = encoders, motors, copied
         self._events, self._contents, self._defaults = events, contents, defaults
         self._depth, self._tick_cycles = depth, tick_cycles
-        self._copy_bits = max(copied - 1, 1).bit_length()
         super().__init__(
             {
                 "clear": In(1),
@@ -186,8 +184,6 @@ class CountingRegisters(Component):
                 "copy": In(1),
                 "copying": Out(1),
                 "copy_bank": In(1),
-                "copy_address": In(self._copy_bits + 2),
-                "copied_value": Out(WORD_BITS + 1),
             }
         )
 
@@ -251,12 +247,12 @@ class CountingRegisters(Component):
         # Kept for the jobs of the turn.
         kept = [Signal.like(value, name=f"kept{n}") for n, value in enumerate(changes)]
         kept_delta, kept_counted, _, kept_gap, kept_time, kept_falling = kept
-        kept_index, kept_turn, kept_copy = Signal.like(index), Signal(), Signal()
+        kept_index, kept_own, kept_copy = Signal.like(index), Signal(), Signal()
         with m.If(start):
             m.d.sync += [
                 *(old.eq(new) for old, new in zip(kept, changes, strict=True)),
                 kept_index.eq(index),
-                kept_turn.eq(turn),
+                kept_own.eq(~self.choose),
                 kept_copy.eq(~live),
             ]
 
@@ -317,7 +313,7 @@ class CountingRegisters(Component):
             self.inverted.eq(read.data[WORD_BITS]),
             written.addr.eq(_place(Block.COUNTS, kept_index)),
             written.data.eq(total),
-            written.en.eq(((job != Job.NONE) & kept_turn) | self.write | self.clear),
+            written.en.eq(((job != Job.NONE) & kept_own) | self.write | self.clear),
         ]
         with m.Switch(job):
             with m.Case(Job.COUNT):
@@ -340,6 +336,10 @@ class CountingRegisters(Component):
                     written.addr.eq(_place(Block.SINCE, kept_index)),
                 ]
         m.d.comb += written.data[WORD_BITS].eq((job == Job.VELOCITY) & self.inverted)
+        with m.If(kept_copy):
+            m.d.comb += written.addr.eq(
+                copied_address(job == Job.VELOCITY, kept_index, self.copy_bank)
+            )
         with m.If(self.write):
             m.d.comb += [written.addr.eq(self.write_address), written.data.eq(self.write_data)]
         with m.If(self.clear):
@@ -349,7 +349,6 @@ class CountingRegisters(Component):
                     with m.Case(address):
                         m.d.comb += operand.eq(value)
 
-        self._copies(m, written.data, kept_index, kept_copy, job)
         return m
 
     def _scan(self, m: Module, turn: Value) -> tuple[Signal, Signal]:
@@ -485,24 +484,11 @@ class CountingRegisters(Component):
             m.d.sync += [gap.eq(Mux(turn_time, 0, time)), falling.eq(~up)]
         return delta, counted, often, gap, time, falling
 
-    def _copies(self, m: Module, data: Value, index: Value, enable: Value, job: Value) -> None:
-        """Add the memory of copies."""
-        if not self._copied:
-            return
-        m.submodules.copies = memory = Memory(
-            shape=WORD_BITS + 1,
-            depth=1 << len(self.copy_address),
-            init=[],
-            attrs={"ram_style": "block"},
-        )
-        written, read = memory.write_port(), memory.read_port()
-        m.d.comb += [
-            written.addr.eq(Cat(job == Job.VELOCITY, index[: self._copy_bits], self.copy_bank)),
-            written.data.eq(data),
-            written.en.eq(enable & ((job == Job.POSITION) | (job == Job.VELOCITY))),
-            read.addr.eq(self.copy_address),
-            self.copied_value.eq(read.data),
-        ]
+
+def copied_address(velocity: Value, index: Value, bank: Value) -> Value:
+    """Return where a copy is."""
+    encoder = Cat(index[: INDEX_BITS - 1], Const(0, max(INDEX_BITS - 1 - len(index), 0)))
+    return Cat(velocity, encoder, bank, Const(Block.COPY >> 1, 2))
 
 
 def _place(block: Block, index: Value) -> Value:

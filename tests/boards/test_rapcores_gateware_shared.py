@@ -150,3 +150,25 @@ def test_telemetry_is_that_of_the_cycle_in_which_a_move_starts():
         # the move starts in f + 5
         assert host.send(MOVE, 1, 0, 0) == [0, 0, f + 5 - 3 - begin + 1, 0]
         assert host.status(0x04) == 120
+
+
+@pytest.mark.parametrize("shared", [0, 1])
+def test_telemetry_asked_for_as_a_move_without_ticks_ends(shared):
+    found, last = [], 0
+    for late in (None, 0, 1, 2):
+        host = Host(shared_dda=shared, motors=1, encoders=1, depth=4)
+        for duration in (300, 0, 1000):
+            host.send(MOVE, duration, 0, 0)
+        if late is None:
+            host.run(host.free + 10_000)
+            first, second = (cycle for cycle, _ in host.edges("move_done"))
+            last = first - 1  # the last tick; what is behind starts with it and a cycle later
+            assert second == first + 1
+            continue
+        for n in range(120):  # a count in each cycle, up, visible after three
+            host.pin(last - 99 + n, "enc0_" + "ab"[n % 2], int(n % 4 < 2))
+        reply = host.send(MOVE, 1, 0, 0, start=last + late - 4 - host.f(1, 0))
+        assert host.f(1, last + late - 4 - host.f(1, 0)) + 4 == last + late
+        found.append(reply[2])
+    # in the cycle of the last tick still that of the first move; the limit of shared arithmetic
+    assert found == [0, 98 if shared else 97, 98]

@@ -87,6 +87,8 @@ DESIGNS: Final = (
             "xc6s": (Figures(1798 + 910), Figures(1500 + 600)),
         },
     ),
+    Design("rapcores", "document", 1, {"ice40": _OPEN}),
+    Design("rapcores", "document", 2, {"ice40": _OPEN}),
     Design(
         "rapcores",
         "document",
@@ -96,7 +98,8 @@ DESIGNS: Final = (
             "ecp5": (Figures(), Figures(900, 110.0)),
         },
     ),
-    Design("rapcores", "document", 8, {"ice40": (Figures(), Figures(2200)), "ecp5": _OPEN}),
+    Design("rapcores", "document", 8, {"ice40": (Figures(), Figures(2200))}),
+    Design("rapcores", "document", 16, {"ice40": _OPEN}),
     Design("s3g", "robust", 1, {"xc6s": (Figures(), Figures(1200))}),
     Design("s3g", "robust", 2, {"xc6s": (Figures(), Figures(1200 + 250))}),
 )
@@ -444,7 +447,7 @@ def area_page(rows: Sequence[Area]) -> str:
         "LUTs have 4 inputs; those of the xc6s up to 6. A carry cell is one bit on the iCE40",
         "(SB_CARRY, in the logic cell of a LUT), two bits with their own two LUTs on the ECP5",
         "(CCU2C; these LUTs are not in the column), four bits on the xc6s (CARRY4). The s3g has",
-        "8192 words of program memory, on the iCE40 2048.",
+        "8192 words of program memory, on the iCE40 2048; the rapcores as many encoders as axes.",
     ]
     return "\n".join(lines) + "\n"
 

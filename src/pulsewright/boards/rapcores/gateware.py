@@ -52,7 +52,8 @@ class Rapcores(Component):
         at every clock, with two exceptions. With a divider below `min_divider` a tick waits until
         it is worked out. With more than 2 slots, if a move of duration 0 ends in the cycle in which
         the header of a move message acts, and another move starts with it, the telemetry of that
-        message is that of the start of the move behind.
+        message is that of the start of the move behind; if that has a duration of 0, too, of the
+        one behind that, and so on.
     motor_driver : int
         1, in profile ``document``: besides step and direction there are outputs for dual H-bridges.
     **switches : int

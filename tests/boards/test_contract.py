@@ -51,7 +51,7 @@ def test_an_unknown_board_is_answered_with_those_there_are():
         boards.open_board("usb")
 
 
-@pytest.mark.parametrize("link", ["epp:/dev/parport0", "twin", "twin:2", ""])
+@pytest.mark.parametrize("link", ["spi:/dev/spidev0.0", "twin", "twin:2", ""])
 def test_a_link_that_cannot_be_opened_is_answered_with_those_that_can(link):
     with pytest.raises(UsageError, match=rf"link '{link}' .*usable are 'twin:'"):
         boards.open_board("usc", link)

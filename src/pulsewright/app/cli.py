@@ -310,7 +310,10 @@ def build(
 def bench(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="twin, job, links or area; default: twin and job."),
+        typer.Argument(
+            metavar="[NAME]",
+            help="twin, job, motion, links or area; default: all but the last two.",
+        ),
     ] = None,
     page: Annotated[
         Path | None, typer.Option(metavar="FILE", help="For area: write its table as Markdown.")

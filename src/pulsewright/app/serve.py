@@ -18,6 +18,7 @@ from typing import Any, Final
 
 from pulsewright import boards
 from pulsewright.boards.board import Board
+from pulsewright.boards.links import constant
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.edges.writer import TraceWriter
 from pulsewright.errors import UsageError
@@ -337,8 +338,7 @@ class _SpiServed(_Served):
     ) -> None:
         from pulsewright.boards.live import SpiPort
 
-        constants = {constant.name: constant.value for constant in room.registers().constants}
-        listens = constants["RESET_CYCLES"]
+        listens = constant(room, "RESET_CYCLES")
         spare = SpiPort(room.twin(profile, **options), HALF_PERIOD, listens)
         spare.transfer(bytes(16))  # on a twin that nobody sees, to have all kernels compiled
         spare.transfer(bytes(8), keep_selected=True)

@@ -17,6 +17,7 @@ SIMULATED: Final = {
     "twin:": "a new simulated board in this process",
     "rtl:": "its gateware, simulated clock by clock; needs the extra 'build' and a C++ compiler",
 }
+SERIAL: Final = "serial:PATH?baud=N"
 # by what boards meet at; the words behind the colon say what belongs there
 REAL: Final = {
     "epp": {
@@ -25,7 +26,7 @@ REAL: Final = {
         "epp+tcp:HOST:PORT": "a server at a network address",
     },
     "serial": {
-        "serial:PATH?baud=N": "a serial port, such as serial:/dev/ttyUSB0?baud=500000",
+        SERIAL: "a serial port, such as serial:/dev/ttyUSB0?baud=500000",
     },
     "spi": {
         "spi:PATH?hz=N": "an SPI device of this computer, such as spi:/dev/spidev0.0?hz=1000000",
@@ -90,7 +91,7 @@ def bit_rate(board: Board, link: str) -> int | None:
     """
     if not link.startswith("serial:") or board.bus != "serial":
         return None
-    return _device(link, "serial:PATH?baud=N", _usual_rate(board))[1]
+    return _device(link, SERIAL, _usual_rate(board))[1]
 
 
 def constant(board: Board, name: str) -> int:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.errors import UsageError
+from pulsewright.transport.address import host_and_port
 from pulsewright.transport.pollfd import POLL
 
 BLOCK: Final = 4096  # bytes taken from a connection at once
@@ -430,14 +431,12 @@ def _abandoned(path: Path) -> bool:
 @contextmanager
 def _tcp_socket(url: str, remote: bool) -> Iterator[socket.socket]:
     """Make a socket at ``tcp:HOST:PORT``."""
-    host, _, port = url.removeprefix(TCP).rpartition(":")
-    host = host.strip("[]")
-    if not host or not port.isdecimal() or int(port) > 65535:
+    place = host_and_port(url.removeprefix(TCP))
+    if place is None:
         raise UsageError(f"serve: '{url}' should be tcp:HOST:PORT, with a port of 0..65535")
+    host, port = place
     try:
-        family, kind, _, _, address = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)[
-            0
-        ]
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except OSError as error:
         raise UsageError(f"serve: no computer '{host}' is known ({error})") from error
     if not remote and not ipaddress.ip_address(address[0]).is_loopback:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.errors import BusError, UsageError
+from pulsewright.transport.address import host_and_port
 from pulsewright.transport.bus import (
     ADDRESS_READ,
     ADDRESS_WRITE,
@@ -44,13 +45,13 @@ class _Channel:
 
     def __init__(self, address: str) -> None:
         kind, _, place = address.partition(":")
-        host, _, port = place.rpartition(":")
-        if kind == "tcp" and not (host and port.isdecimal() and int(port) < 1 << 16):
+        network = host_and_port(place) if kind == "tcp" else None
+        if kind == "tcp" and network is None:
             raise UsageError(f"link '{address}': expected tcp:HOST:PORT, with a port of 0..65535")
         self._address = address
         try:
-            if kind == "tcp":
-                self._socket = socket.create_connection((host.strip("[]"), int(port)), PATIENCE)
+            if network is not None:
+                self._socket = socket.create_connection(network, PATIENCE)
                 self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             else:
                 self._socket = socket.socket(socket.AF_UNIX)

@@ -55,6 +55,16 @@ def test_for_a_slow_one_time_stands_still():
         assert port.lost + board.now / 1e6 == pytest.approx(board.time - 50.0, abs=1e-3)
 
 
+def test_clients_that_ask_in_haste_are_answered():
+    """Each asks 0.1 ms after an answer: a tenth of the time is theirs, so 1000 take 1 s."""
+    board = Board(cost=4.0)
+    port = live(board)
+    for _ in range(1000):
+        board.time += 1e-4
+        port.catch_up()
+    assert board.time - 50.0 == pytest.approx(1.0, rel=0.1)
+
+
 def test_a_computer_that_did_other_things_meanwhile_catches_up():
     board = Board(cost=0.0)
     port = LivePort(board, clock=board.clock, effort=lambda: 0.0)

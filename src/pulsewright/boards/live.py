@@ -18,6 +18,7 @@ from pulsewright.transport.server import Connection
 
 PIECE_S: Final = 0.002  # [s]
 EFFORT_S: Final = 0.01  # computing time for catching up at once [s]
+EFFORT_SHARE: Final = 9  # and in the long run, per time for anything else
 LINE_AHEAD_S: Final = 0.2  # of bytes that wait for a serial line [s]
 
 
@@ -54,7 +55,8 @@ class LivePort:
 
     def start(self) -> None:
         """Let time begin."""
-        self._start = self._clock()
+        self._start = self._caught_up = self._clock()
+        self._credit = EFFORT_S
 
     @property
     def cycle(self) -> int:
@@ -62,18 +64,25 @@ class LivePort:
         return int((self._clock() - self._start) * self.twin.clock_hz)
 
     def catch_up(self) -> None:
-        """Bring the twin to the present, or let time stand still for it."""
-        twin, cycle, until = self.twin, self.cycle, self._effort() + EFFORT_S
+        """Bring the twin to the present, or let time stand still for it.
+
+        However busy the board is, a tenth of the time is left for serving its clients.
+        """
+        twin, cycle, begin = self.twin, self.cycle, self._effort()
+        between = self._clock() - self._caught_up
+        self._credit = min(EFFORT_S, self._credit + EFFORT_SHARE * between)
         piece = round(PIECE_S * twin.clock_hz)
         while twin.now < cycle:
             twin.advance(min(cycle, twin.now + piece))
             self._look()
-            if self._effort() > until:  # and what this took does not count either
+            if self._effort() - begin > self._credit:  # and what this took does not count either
                 late = max(self.cycle - twin.now, 0) / twin.clock_hz
                 self._start += late
                 self.lost += late
                 break
         self._look()
+        self._credit -= self._effort() - begin
+        self._caught_up = self._clock()
 
     def reset(self) -> None:
         """Pulse the reset pin of the board."""

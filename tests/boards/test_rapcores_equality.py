@@ -93,7 +93,6 @@ def test_gateware_matches_the_twin_in_busy_traffic(name):
 
 
 @pytest.mark.campaign
-@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("name", CONFIGURATIONS)
 def test_gateware_matches_the_twin_for_many_cycles(name):
     """Each configuration for 9.5 million cycles: more than 10^8 in total."""

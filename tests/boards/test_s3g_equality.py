@@ -92,7 +92,6 @@ def test_gateware_matches_the_twin_in_busy_traffic(name):
 
 
 @pytest.mark.campaign
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", CONFIGURATIONS)
 def test_gateware_matches_the_twin_for_many_cycles(name):
     """Each configuration for 15 million cycles: 10^8 in total."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from typer.testing import CliRunner
 
@@ -251,6 +253,18 @@ def test_cutter_compensation_and_cycles_reach_the_machine():
         [0, 0, -2],
         [0, 0, 1],
     ]
+
+
+def test_a_compensated_rapid_goes_straight_over_an_outside_corner():
+    moves = interpret_text("F60\nG42.1 D2\nG1 X5\nG0 Y5\nG1 X0").moves
+    assert moves.end[:, :2].tolist() == [[5, -1], [6, 0], [6, 5], [5, 6], [0, 6]]
+    assert moves.sweep.tolist() == [0, 0, 0, pytest.approx(math.pi / 2), 0]
+
+
+def test_straight_back_after_an_arc_that_curves_away_from_the_tool():
+    """The tool is 1 outside an arc of 5, then 1 below Y5: it turns where 6 meets Y4."""
+    moves = interpret_text("F60\nG0 X6 Y-10\nG42.1 D2\nG1 X5 Y0\nG3 X0 Y5 I-5\nG1 X9").moves
+    assert moves.end[2:, :2].tolist() == [pytest.approx([20**0.5, 4]), [9, 4]]
 
 
 def test_tapping_goes_along_its_axis_in_every_plane():

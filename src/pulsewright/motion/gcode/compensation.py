@@ -141,21 +141,16 @@ class Compensation:
             angle = cmath.phase(leaving / old.direction)  # positive to the left
             inside = angle if self.left else -angle
             if abs(angle) > math.pi - STRAIGHT_ON:
-                # Almost straight back: around the end, but for an arc that curves to the side
-                # where the tool came along.
-                crosses = new.center is not None and (new.sweep < 0) == self.left
+                # Almost straight back: around the end, but for an arc that curves away from the
+                # tool, whose path the other one crosses.
+                arc = new if new.center is not None else old
+                crosses = arc.center is not None and (arc.sweep < 0) == self.left
                 inside = abs(angle) if crosses else inside - math.tau * (inside > 0)
             if inside < -STRAIGHT_ON:
                 begin = self._at + self.radius * self._normal * leaving
-                corner = _Element(
-                    old.end,
-                    begin,
-                    leaving,
-                    old.position.copy(),
-                    False,
-                    self._at,
-                    inside if self.left else -inside,
-                )
+                corner = _Element(old.end, begin, leaving, old.position.copy(), new.rapid)
+                if not new.rapid:  # as LinuxCNC does it, a rapid goes straight to its beginning
+                    corner.center, corner.sweep = self._at, inside if self.left else -inside
                 new.start = begin
             elif inside > STRAIGHT_ON:
                 self._shorten(old, new, leaving)

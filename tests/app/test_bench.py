@@ -2,7 +2,7 @@
 
 import pytest
 
-from pulsewright.app import bench, build
+from pulsewright.app import bench, bench_links, build
 from pulsewright.errors import UsageError
 from pulsewright.motion.gcode import interpret
 
@@ -50,3 +50,15 @@ def test_a_page_of_speeds_is_refused(tmp_path):
         bench.run("twin", page=tmp_path / "page.md")
     with pytest.raises(UsageError, match=r"twin, job, .*area"):
         bench.run("size")
+
+
+def test_links_are_measured_side_by_side():
+    rows = bench_links.round_trips(3)
+    assert [row["link"] for row in rows] == [
+        *("usc at twin:", "usc at epp+unix:", "usc at epp+tcp:"),
+        *("rapcores at twin:", "rapcores at spi+unix:", "rapcores at spi+tcp:"),
+        *("s3g at twin:", "s3g at serial:"),
+    ]
+    for row in rows:
+        assert 1e-7 < row["reply"] < 10
+        assert 0.1 < row["rate"] < 1e8

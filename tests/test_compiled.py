@@ -71,3 +71,22 @@ def test_a_kernel_is_kept_until_a_file_that_it_imports_changes(toy):
     (toy / "constants.py").write_text("OFFSET = 1000\n")
     assert value(toy) == (940, 0)
     assert value(toy) == (940, 1)
+
+
+@compiled.compiled()
+def _times(x, n, back):
+    return -x * n if back else x * n
+
+
+@compiled.compiled()
+def _several(x):
+    factor = 2
+    for _ in range(3):
+        x = _times(x, factor, False)
+        factor = 5
+    return _times(x, 3, back=True)
+
+
+def test_a_kernel_is_compiled_once_for_all_constants():
+    assert _several(1.0) == -150.0
+    assert len(_times.signatures) == 1

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import numba
+from numba import types
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -27,6 +28,8 @@ def compiled(**options: Any) -> Callable[[F], F]:
 
     def decorate(function: F) -> F:
         dispatcher = numba.njit(cache=True, **options)(function)
+        if hasattr(dispatcher, "get_call_template"):
+            dispatcher.get_call_template = _general(dispatcher.get_call_template)
         if hasattr(dispatcher, "_cache"):  # not with NUMBA_DISABLE_JIT
             # numba, whose version is pinned, has no public way to say on what a kernel depends
             kept: Any = dispatcher._cache._cache_file
@@ -36,6 +39,20 @@ def compiled(**options: Any) -> Callable[[F], F]:
         return result
 
     return decorate
+
+
+def _general(template: Callable[..., Any]) -> Callable[..., Any]:
+    """Return ``template`` such that calls with constants take the kernel for any value.
+
+    Otherwise each constant in a call compiles the kernel, and all that it calls, once more; even
+    the first value of a variable does, while its type is being found.
+    """
+
+    def general(args: Any, kws: Any) -> Any:
+        free = {name: types.unliteral(kind) for name, kind in dict(kws).items()}
+        return template(tuple(map(types.unliteral, args)), free)
+
+    return general
 
 
 def _tolerant(load_index: Callable[[], Any]) -> Callable[[], Any]:

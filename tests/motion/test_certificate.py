@@ -172,6 +172,13 @@ def test_chord_across_more_than_the_tolerance_is_found():
     assert certify(trajectory, straight, MACHINE).deviation == pytest.approx(0, abs=1e-9)
     certificate = certify(trajectory, bump, MACHINE)
     assert (certificate.deviation, certificate.path.ratio) == pytest.approx((0.3, 3))
+    # but feeds may be collapsed within 0.4 mm; not rapids, nor where the machine should rest
+    wide = dataclasses.replace(bump, collapse=np.full(2, 0.4))
+    assert certify(trajectory, wide, MACHINE).path.ratio == pytest.approx(0.75)
+    rapid = dataclasses.replace(wide, rapid=np.ones(2, bool))
+    assert certify(trajectory, rapid, MACHINE).path.ratio == pytest.approx(3)
+    rest = dataclasses.replace(wide, tolerance=np.array([0.0, 0.1]))
+    assert certify(trajectory, rest, MACHINE).path.ratio == np.inf
 
 
 def test_chord_may_not_replace_a_path_that_runs_back():

@@ -237,7 +237,7 @@ def test_short_segments_may_collapse_within_q():
     moves = interpret_text(
         "G0 X1\nG64 P.1\nX2\nG64 P.1 Q.02\nX3\nG20 G64 P.1 Q.1\nX4\nG61\nX5"
     ).moves
-    assert moves.collapse.tolist() == pytest.approx([0, 0.1, 0.02, 2.54, 2.54])
+    assert moves.collapse.tolist() == pytest.approx([0, 0.1, 0.02, 2.54, 0])
 
 
 def test_cutter_compensation_and_cycles_reach_the_machine():

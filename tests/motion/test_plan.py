@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -212,6 +213,37 @@ def test_noise_of_rounded_chords_does_not_slow_the_machine_down():
     moves = program([(point, 60) for point in points], start=(25.4, 0))
     trajectory = planned(moves)
     assert trajectory.duration <= 1.1 * (25.4 * 2 * math.pi / 60 + 0.12 + RISE)
+
+
+def wavy(count=200, height=0.05):
+    """Return 0.5 mm chords along X to and fro by ``height`` on either side of it."""
+    points = [(0.5 * n, height * (-1) ** n) for n in range(1, count)]
+    return [((0.5, 0), 50), *((point, 50) for point in points[1:]), ((0.5 * count, 0), 50)]
+
+
+def test_short_lines_collapse_within_q():
+    moves = program(wavy(), tolerance=0.03)
+    rough = planned(moves)
+    line = planned(replace(moves, collapse=np.full(len(moves), 0.15)))
+    # 100 mm nearly straight, at 50 mm/s
+    close(line.duration, 2.1 + RISE, slack=0.05)
+    assert rough.duration > 1.5 * line.duration
+    assert len(set(line.move)) < 10
+    time = np.linspace(0, line.duration, 10_000)
+    assert abs(line.at(time)[:, 1]).max() <= 0.05 + 0.15
+    # no more than the tolerance, or of other lines: as if nothing had been said
+    for q in (0.03, np.where(np.arange(len(moves)) % 2, 0.15, 0.0)):
+        same = planned(replace(moves, collapse=np.broadcast_to(q, len(moves)).copy()))
+        assert same.duration == rough.duration
+
+
+def test_rapids_and_exact_stops_do_not_collapse():
+    steps = [(end, None) for end, _ in wavy(20)]
+    q = np.full(len(steps), 0.15)
+    rapids = planned(replace(program(steps, tolerance=0.03), collapse=q))
+    assert rapids.duration == planned(program(steps, tolerance=0.03)).duration
+    stops = planned(replace(program(wavy(20), tolerance=0), collapse=q))
+    assert stops.duration == planned(program(wavy(20), tolerance=0)).duration
 
 
 def test_slow_chords_are_left_as_they_are():

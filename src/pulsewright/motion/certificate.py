@@ -20,6 +20,7 @@ from pulsewright.motion.trajectory import Trajectory
 
 ROUNDING: Final = 1e-6  # allowed in positions, velocities and times [mm, degrees, s]
 STILL: Final = 1e-8  # motion shorter than this is none [mm, degrees]
+CHUNK: Final = 1 << 14  # elements looked at together, so that memory is bounded
 PARTS: Final = 64  # of a cubic whose control points lie too far out
 CLOSE: Final = 1e-3  # jump of acceleration that counts as none [mm/s^2, degrees/s^2]
 
@@ -173,15 +174,15 @@ def certify(trajectory: Trajectory, moves: Moves, machine: Machine) -> Certifica
     use, where = kernels.worst(*columns, rows, limits)
     position_jump, velocity_jump, acceleration_jump = kernels.jumps(*columns).tolist()
     motion = _Pieces(trajectory)
-    line = moves.line[trajectory.move[trajectory.element]]
     reference = _Reference(trajectory, moves)
     feed = motion.fastest / reference.feed[trajectory.element]
     deviation, allowed = reference.deviation()
-    off = (deviation / allowed)[trajectory.element]
+    off = deviation / allowed
+    farthest = int(np.searchsorted(t.element, off.argmax()))  # the first piece there
     end_error, missed = reference.rests(motion)
 
     def place(use: float, what: str, k: int) -> Worst:
-        return Worst(float(use), what, int(line[k]), float(trajectory.start[k]))
+        return Worst(float(use), what, int(moves.line[t.move[t.element[k]]]), float(t.start[k]))
 
     def group(n: int) -> tuple[Worst, ...]:
         return tuple(place(*worst) for worst in zip(use[n], machine.axes, where[n], strict=True))
@@ -191,7 +192,7 @@ def certify(trajectory: Trajectory, moves: Moves, machine: Machine) -> Certifica
         acceleration=group(1),
         jerk=group(2),
         feed=place(feed.max(), "feed", int(feed.argmax())),
-        path=place(off.max(), "tolerance", int(off.argmax())),
+        path=place(off.max(), "tolerance", min(farthest, len(t.element) - 1)),
         deviation=float(deviation.max()),
         velocity_jump=velocity_jump,
         acceleration_jump=acceleration_jump,
@@ -220,7 +221,8 @@ class _Pieces:
         with np.errstate(divide="ignore", invalid="ignore"):
             turn = np.nan_to_num(np.clip(-law[:, 2] / (3 * law[:, 3]), 0, time))
         top = self.v0 + (2 * law[:, 2] + 3 * law[:, 3] * turn) * turn
-        self.fastest = np.max(np.abs([self.v0, self.v1, top]), axis=0)
+        self.fastest = np.maximum(np.abs(self.v0), np.abs(self.v1))
+        np.maximum(self.fastest, np.abs(top), out=self.fastest)
 
 
 def _place(trajectory: Trajectory, element: NDArray[np.int32], s: Floats) -> Floats:
@@ -288,7 +290,10 @@ class _Reference:
         dwells = np.flatnonzero(moves.kind[self.last] == MoveKind.DWELL)
         self.corner[dwells[dwells > 0] - 1] = 0.0
         self.inner, self.chord = np.full(len(self.last), np.inf), np.zeros(len(self.last))
-        np.minimum.at(self.inner, run[inner], tolerance[inner])
+        # chords may take what straight feeds may be collapsed within
+        collapsible = (tolerance > 0) & ~moves.rapid[head]
+        wide = np.maximum(tolerance, moves.collapse[head] * collapsible)
+        np.minimum.at(self.inner, run[inner], wide[inner])
         rate = np.where(moves.rapid | (moves.kind == MoveKind.DWELL), np.inf, moves.feed)
         self.slowest = np.full(len(self.last), np.inf)
         np.minimum.at(self.slowest, run, rate[head])
@@ -300,30 +305,40 @@ class _Reference:
         np.maximum.at(self.chord, q[inner], apart[inner])
         back = np.flatnonzero(inner[:-1] & (np.diff(share) < 0))  # runs back: no chord may do that
         bent = np.isin(q, q[inner]) & (moves.kind[head] != MoveKind.LINE)  # nor replace an arc
-        self.chord[q[back]] = self.chord[q[bent]] = np.inf
+        skipped = q[inner & (tolerance <= 0)]  # rests
+        self.chord[q[back]] = self.chord[q[bent]] = self.chord[skipped] = np.inf
 
     def deviation(self) -> tuple[Floats, Floats]:
         """Return a bound on the distance from the programmed path, and the tolerance, (m,)."""
-        t, run = self.trajectory, self.run
-        begin = np.append(0.0, np.cumsum(t.length)[:-1])
-        first = np.searchsorted(run, np.arange(len(self.last)))
-        cut = (begin - begin[first][run])[:, None]  # from the start of the run
+        length = self.trajectory.length
+        begin = np.append(0.0, np.cumsum(length)[:-1])
+        first = np.searchsorted(self.run, np.arange(len(self.last)))
+        begin -= begin[first][self.run]  # from the start of the run
+        chunks = (slice(at, at + CHUNK) for at in range(0, len(length), CHUNK))
+        found = [self._deviation(chunk, begin[chunk, None]) for chunk in chunks]
+        bound, allowed = zip(*found, strict=True)
+        return np.concatenate(bound), np.concatenate(allowed)
+
+    def _deviation(self, chunk: slice, cut: Floats) -> tuple[Floats, Floats]:
+        """Return bound and tolerance of some elements, which begin at ``cut`` of their runs."""
+        t, run = self.trajectory, self.run[chunk]
+        poly, length = t.poly[chunk], t.length[chunk]
         w = self.omega[run][:, None]
         cos, sin = np.cos(w * cut), np.sin(w * cut)
-        apart = [t.poly[:, n] for n in range(4)]
+        apart = [poly[:, n] for n in range(4)]
         apart[0] = apart[0] - self.base[run] - self.along[run] * cut
         apart[1] = apart[1] - self.along[run]
-        cosine = t.cosine - np.where(w > 0, self.cosine[run] * cos + self.sine[run] * sin, 0)
-        sine = t.sine - np.where(w > 0, self.sine[run] * cos - self.cosine[run] * sin, 0)
-        skew = np.abs(t.omega - self.omega[run]) * t.length * _norm(t.cosine)
-        bound = _hull(apart, t.length)
+        cosine = t.cosine[chunk] - np.where(w > 0, self.cosine[run] * cos + self.sine[run] * sin, 0)
+        sine = t.sine[chunk] - np.where(w > 0, self.sine[run] * cos - self.cosine[run] * sin, 0)
+        skew = np.abs(t.omega[chunk] - self.omega[run]) * length * _norm(t.cosine[chunk])
+        bound = _hull(apart, length)
         rest = _norm(cosine) + _norm(sine) + skew + self.chord[run]
         # a blend at either end of the run, or the chord
         allowed = np.maximum(self.corner, np.append(0.0, self.corner[:-1]))
         allowed = np.maximum(allowed, np.where(np.isinf(self.inner), 0.0, self.inner))
         allowed = np.maximum(allowed[run], ROUNDING)
         coarse = np.flatnonzero(bound + rest > allowed)  # control points lie outside of curves
-        bound[coarse] = _hull_of_parts([c[coarse] for c in apart], t.length[coarse])
+        bound[coarse] = _hull_of_parts([c[coarse] for c in apart], length[coarse])
         return bound + rest, allowed
 
     def rests(self, motion: _Pieces) -> tuple[float, int]:

@@ -62,8 +62,9 @@ class Moves:
         How far the path may pass from the programmed corner at the end of this move [mm];
         0 = the machine comes to rest there.
     collapse : (n,) float64
-        How far a straight line may pass from the ends of the straight feeds that it replaces [mm]
-        (G64 Q, the naive CAM tolerance); 0 = none are replaced. All 0 where not given.
+        How far the path may pass from straight feeds that one straight line replaces [mm] (G64 Q,
+        the naive CAM tolerance). What is not more than ``tolerance`` changes nothing: within that,
+        lines may be replaced anyway. All 0 where not given.
     pitch : (n,) float64
         Travel along the move per turn of the spindle [mm], for moves that keep to its angle (G33,
         G33.1, G76); 0 = not synchronised. ``feed`` is then right at the programmed spindle speed.

@@ -264,11 +264,12 @@ def _size_needed(e1: Floats, e2: Floats, top: float, limits: Limits) -> float:
 
 
 @compiled(error_model="numpy")
-def merged(s: Segments, limits: Limits) -> tuple[Ints, Floats]:
-    """Choose runs of short lines that would slow the machine down, to replace by their chords.
+def merged(s: Segments, collapse: Floats, limits: Limits) -> tuple[Ints, Floats]:
+    """Choose runs of lines to replace by their chords, in X, Y, Z and of one feed.
 
-    Only lines in X, Y, Z of one feed, and too short to stop in: longer ones have room to change
-    speed.
+    Within the tolerance, runs that would slow the machine down, and of lines too short to stop in:
+    longer ones have room to change speed. Where more is allowed by ``collapse`` (s,), all runs that
+    lie so near to their chord; what it allows beyond the tolerance is the chords' alone.
 
     Returns
     -------
@@ -281,13 +282,15 @@ def merged(s: Segments, limits: Limits) -> tuple[Ints, Floats]:
     last, used, left = np.empty(n, np.int64), np.zeros(n + 1), np.empty(n)
     short = np.empty(n, np.bool_)
     for j in range(n):
-        short[j] = s.omega[j] == 0.0 and 2.0 * s.ramp[j] * s.length[j] < s.top[j]
+        wide = collapse[j] > s.tolerance[j] > 0.0
+        short[j] = s.omega[j] == 0.0 and (wide or 2.0 * s.ramp[j] * s.length[j] < s.top[j])
         for axis in range(3, 6):
             short[j] &= s.poly[j, 1, axis] == 0.0
     k, i = 0, 0
     while i < n:
         j = i
-        worst, tight = 0.0, False
+        more = collapse[i] - s.tolerance[i] if collapse[i] > s.tolerance[i] > 0.0 else 0.0
+        worst, tight = 0.0, more > 0.0
         while (
             j + 1 < n
             and j - i < LONGEST_RUN
@@ -295,16 +298,17 @@ def merged(s: Segments, limits: Limits) -> tuple[Ints, Floats]:
             and short[j + 1]
             and s.feed[j + 1] == s.feed[i]
             and s.tolerance[j] == s.tolerance[i]
+            and collapse[j + 1] == collapse[i]
         ):
             far = _chord_distance(s.poly, s.length, i, j + 1)
-            if far < 0.0 or far > MERGE_SHARE * s.tolerance[i]:
+            if far < 0.0 or far > more + MERGE_SHARE * s.tolerance[i]:
                 break
             room = 0.5 * min(s.length[j], s.length[j + 1])
             tight |= room < _size_needed(s.poly[j, 1], s.poly[j + 1, 1], s.top[j], limits)
             worst = far
             j += 1
         if tight:
-            last[k], used[k] = j, worst
+            last[k], used[k] = j, max(worst - more, 0.0)
             k += 1
             i = j + 1
         else:

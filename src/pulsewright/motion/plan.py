@@ -24,7 +24,7 @@ from pulsewright.motion.moves import MoveKind, Moves, Plane
 from pulsewright.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from pulsewright.motion.path import Limits, Segments
+    from pulsewright.motion.path import Elements, Limits, Segments
 
 __all__ = ["Certificate", "begin_times", "certify", "plan"]
 
@@ -47,16 +47,24 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     MotionLimitError
         If a move leaves the travel of the machine.
     """
-    from pulsewright.motion import path, plan_kernels  # compiled on first use
+    from pulsewright.motion import plan_kernels  # compiled on first use
 
     machine.check_travel(moves)
-    limits = path.Limits(*_limits(machine, moves))
-    segments = _segments(moves, limits)
-    elements = path.elements(segments, *path.blends(segments, limits))
+    elements, limits = blended_path(moves, machine)
     grid = plan_kernels.cells(elements, limits)
     b, a, split, _ = plan_kernels.speeds(grid)
-    element, start, law = plan_kernels.law(elements, grid, b, a, split)
-    return Trajectory(*elements[:6], element, start, law)
+    cells = grid.element, grid.offset, grid.size
+    del grid  # most of the memory
+    return Trajectory(*elements[:6], *plan_kernels.law(elements, *cells, b, a, split))
+
+
+def blended_path(moves: Moves, machine: Machine) -> tuple[Elements, Limits]:
+    """Return the path with blends, and the limits that hold on it."""
+    from pulsewright.motion import path
+
+    limits = path.Limits(*_limits(machine, moves))
+    segments = _segments(moves, limits)
+    return path.elements(segments, *path.blends(segments, limits)), limits
 
 
 def _limits(machine: Machine, moves: Moves) -> tuple[NDArray[np.float64], ...]:
@@ -88,7 +96,9 @@ def _segments(moves: Moves, limits: Limits) -> Segments:
             moves.dwell,
         )
         segments = path.traced(*columns, kept, tolerance, limits)
-        last, tolerance = path.merged(segments, limits)
+        feeds = ~moves.rapid & (moves.pitch == 0)
+        collapse = np.where(feeds, moves.collapse, 0.0)
+        last, tolerance = path.merged(segments, collapse[kept], limits)
         if len(last) < len(kept):
             segments = path.traced(*columns, kept[last], tolerance, limits)
     else:  # nothing moves: one rest of no time

@@ -52,8 +52,9 @@ BRIDGES = (1, 2, 3, 5, 8, 13)  # cells on both sides of a broken one that change
 PARTS = 4096  # cells of one element at most
 
 
-# for kernels only: what Python needs to call them would take longest to compile
-_part = compiled(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+# For kernels only: what Python needs to call them would take longest to compile. They make no
+# arrays, so they need no reference counts, which cost most where a call passes many arrays.
+_part = compiled(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 
 
 class Cells(NamedTuple):
@@ -64,7 +65,8 @@ class Cells(NamedTuple):
     size: Floats  # (n,); 0 for a rest
     feed: Floats  # (n,)
     rest: NDArray[np.bool_]  # (n,) whether the machine rests at the end
-    share: Floats  # (n, r, 6)
+    row: Ints  # (n,) of ``share``: cells of one line have the same
+    share: Floats  # (p, r, 6)
 
 
 @_part
@@ -213,7 +215,7 @@ def _cut(
 def cells(path: Elements, limits: Limits) -> Cells:
     """Cut the path into cells: fine where the speed may change, coarse elsewhere."""
     m, rows = path.length.size, limits.velocity.size
-    whole = np.zeros((m, rows, 6))
+    share = np.zeros((m + m // 2 + 64, rows, 6))  # of whole elements first
     cap, ramp = np.zeros(m), np.zeros(m)
     delay = 0.0
     for r in range(rows):
@@ -223,11 +225,11 @@ def cells(path: Elements, limits: Limits) -> Cells:
     for e in range(m):
         if path.length[e] == 0.0:
             continue
-        _bound(path, limits, e, 0.0, path.length[e], whole[e])
-        cap[e] = _cap(whole[e], path.feed[e])
+        _bound(path, limits, e, 0.0, path.length[e], share[e])
+        cap[e] = _cap(share[e], path.feed[e])
         steepest = 0.0
         for r in range(rows):
-            steepest = max(steepest, whole[e, r, 1])
+            steepest = max(steepest, share[e, r, 1])
         ramp[e] = 1.0 / steepest
         if e > 0 and not path.rest[e - 1]:
             speed[e] = min(
@@ -300,25 +302,37 @@ def cells(path: Elements, limits: Limits) -> Cells:
                 element[n], offset[n], length[n] = e, cut[i], cut[i + 1] - cut[i]
                 n += 1
         e += count
-    feed, rest = np.empty(n), np.zeros(n, np.bool_)
-    share = np.zeros((n, rows, 6))
+    feed, rest, row = np.empty(n), np.zeros(n, np.bool_), np.empty(n, np.int64)
+    used = m
     for c in range(n):
         e = element[c]
         after = element[c + 1] if c + 1 < n else m
-        feed[c] = path.feed[e]
+        feed[c], row[c] = path.feed[e], e
         if path.length[e] == 0.0:
             rest[c] = True
-        elif after <= e + 1 and length[c] < path.length[e]:
-            _bound(path, limits, e, offset[c], offset[c] + length[c], share[c])
-            rest[c] = after > e and path.rest[e]
+            continue
+        rest[c] = after > e and path.rest[after - 1]
+        if after <= e + 1:
+            bends = path.omega[e] != 0.0
+            for axis in range(6):
+                bends |= path.poly[e, 2, axis] != 0.0 or path.poly[e, 3, axis] != 0.0
+            if not bends or length[c] == path.length[e]:
+                continue
+        if used == share.shape[0]:
+            more = np.zeros((2 * used, rows, 6))
+            more[:used] = share
+            share = more
+        row[c] = used
+        if after <= e + 1:
+            _bound(path, limits, e, offset[c], offset[c] + length[c], share[used])
         else:
             for j in range(e, after):
                 feed[c] = min(feed[c], path.feed[j])
                 for r in range(rows):
                     for k in range(6):
-                        share[c, r, k] = max(share[c, r, k], whole[j, r, k])
-            rest[c] = path.rest[after - 1]
-    return Cells(element[:n], offset[:n], length[:n], feed, rest, share)
+                        share[used, r, k] = max(share[used, r, k], share[j, r, k])
+        used += 1
+    return Cells(element[:n], offset[:n], length[:n], feed, rest, row, share[:used])
 
 
 @_part
@@ -505,12 +519,11 @@ def _pieces(
 
 
 @_part
-def _use(
-    share: Floats, feed: float, size: float, b: Floats, a: Floats, c: int, split: float
-) -> tuple[float, float, float]:
+def _use(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> tuple[float, float, float]:
     """Return the used shares of velocity, acceleration and jerk on cell ``c``, at worst."""
+    share, row = cells.share, cells.row[c]
     a0, a1 = a[c], a[c + 1]
-    time, am, vm = _pieces(b[c], b[c + 1], a0, a1, size, split)
+    time, am, vm = _pieces(b[c], b[c + 1], a0, a1, cells.size[c], split)
     if time < 0.0:
         return 1.0, 1.0, 8.0
     v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
@@ -525,22 +538,20 @@ def _use(
         return 1.0, 1.0, 8.0
     rate = max(abs(a0), abs(a1), abs(am))
     j = max(abs(am - a0) / split, abs(a1 - am) / (1.0 - split)) / time
-    velocity, acceleration, jerk = top / feed, 0.0, 0.0
+    velocity, acceleration, jerk = top / cells.feed[c], 0.0, 0.0
     square, cube, mixed = top * top, top * top * top, top * rate
     for r in range(share.shape[1]):
-        velocity = max(velocity, share[c, r, 0] * top)
-        acceleration = max(acceleration, share[c, r, 3] * square + share[c, r, 1] * rate)
-        used = share[c, r, 5] * cube + share[c, r, 4] * mixed + share[c, r, 2] * j
+        velocity = max(velocity, share[row, r, 0] * top)
+        acceleration = max(acceleration, share[row, r, 3] * square + share[row, r, 1] * rate)
+        used = share[row, r, 5] * cube + share[row, r, 4] * mixed + share[row, r, 2] * j
         jerk = max(jerk, used)
     return velocity, acceleration, jerk
 
 
 @_part
-def _holds(
-    share: Floats, feed: float, size: float, b: Floats, a: Floats, c: int, split: float
-) -> bool:
+def _holds(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> bool:
     """Return whether the law of a cell keeps the limits."""
-    v, s, j = _use(share, feed, size, b, a, c, split)
+    v, s, j = _use(cells, b, a, c, split)
     return max(v, s, j) <= 1.0 + ROUNDING
 
 
@@ -565,7 +576,7 @@ def speeds(
     broken = np.zeros(n, np.bool_)
     for c in range(n):
         if grid.size[c] > 0.0:
-            task.cap[c] = _cap(grid.share[c], grid.feed[c])
+            task.cap[c] = _cap(grid.share[grid.row[c]], grid.feed[c])
     first = 0
     while first < n:
         last = first
@@ -573,15 +584,15 @@ def speeds(
             last += 1
         last += 1  # nodes first..last, cells first..last - 1
         if grid.size[first] > 0.0:
-            _fit(task, b, a, first, last)
             short = last - first <= SHORT
-            left = _check(task, b, a, first, last, broken, 0, not short)
-            for trial in range(REPAIRS):
+            broken[first:last] = True  # nothing is planned yet
+            left = last - first
+            for trial in range(REPAIRS + 1):
                 if left == 0:
                     break
                 left = 0
                 c = first
-                reach = 4 << min(trial, 20)
+                reach = 2 << min(trial, 20)
                 while c < last:
                     if not broken[c]:
                         c += 1
@@ -592,12 +603,12 @@ def speeds(
                             high = c + 1
                         c += 1
                     high = min(last, high + reach)
-                    repaired[0] += 1
-                    repaired[1] += high - low
+                    if trial > 0:
+                        repaired[0] += 1
+                        repaired[1] += high - low
                     _fit(task, b, a, low, high)
-                    left += _check(
-                        task, b, a, low, high, broken, trial + 1, not short or trial >= GENTLE
-                    )
+                    bridge = not short or trial > GENTLE
+                    left += _check(task, b, a, low, high, broken, trial, bridge)
                     c = high
             if left > 0:
                 repaired[2] += 1
@@ -621,7 +632,7 @@ def _check(
     count, cells = 0, task.cells
     for c in range(first, last):
         task.split[c] = 0.5
-        broken[c] = not _holds(cells.share, cells.feed[c], cells.size[c], b, a, c, 0.5)
+        broken[c] = not _holds(cells, b, a, c, 0.5)
     for c in range(first, last):
         if not broken[c]:
             continue
@@ -638,7 +649,7 @@ def _check(
                 task.soft[near] *= 0.9
                 task.ease[near] = min(task.ease[near], max(0.95 * level / task.cap[near], 1e-3))
             continue
-        v, s, j = _use(cells.share, cells.feed[c], cells.size[c], b, a, c, 0.5)
+        v, s, j = _use(cells, b, a, c, 0.5)
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
@@ -660,7 +671,7 @@ def _bridged(
     """Lead one law of two pieces over ever more cells around a broken one, until limits hold."""
     cells, size, split = task.cells, task.cells.size, task.split
     for share in SPLITS:
-        if _holds(cells.share, cells.feed[c], cells.size[c], b, a, c, share):
+        if _holds(cells, b, a, c, share):
             split[c], broken[c] = share, False
             return True
     keep, hold, part = task.work[0], task.work[1], task.work[2]
@@ -720,7 +731,7 @@ def _spread(
         split[c] = 0.5
         if before < 0.0 < t:
             split[c] = min(max(-before / (t - before), 0.05), 0.95)
-        if not _holds(cells.share, cells.feed[c], cells.size[c], b, a, c, split[c]):
+        if not _holds(cells, b, a, c, split[c]):
             return False
     return True
 
@@ -731,7 +742,7 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     worst, cells = 1.0, task.cells
     for c in range(first, last):
         task.split[c] = 0.5
-        v, s, j = _use(cells.share, cells.feed[c], cells.size[c], b, a, c, 0.5)
+        v, s, j = _use(cells, b, a, c, 0.5)
         worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
     for i in range(first, last + 1):
         b[i] /= worst * worst
@@ -774,15 +785,15 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 @_part
 def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
     """Put the second-order optimum into ``b``, and what it leaves free on the cells."""
-    share, size, ease = task.cells.share, task.cells.size, task.ease
+    share, row, size, ease = task.cells.share, task.cells.row, task.cells.size, task.ease
     for c in range(first + 1, last):
         b[c] = min(task.cap[c - 1] * ease[c - 1], task.cap[c] * ease[c])
     for c in range(last - 1, first, -1):
-        b[c] = min(b[c], _reach(share, c, ease[c], size[c], b[c + 1]))
+        b[c] = min(b[c], _reach(share, row[c], ease[c], size[c], b[c + 1]))
     for c in range(first, last):
         if c + 1 < last:
-            b[c + 1] = min(b[c + 1], _reach(share, c, ease[c], size[c], b[c]))
-        free, j = _free(share[c], max(b[c], b[c + 1]))
+            b[c + 1] = min(b[c + 1], _reach(share, row[c], ease[c], size[c], b[c]))
+        free, j = _free(share[row[c]], max(b[c], b[c + 1]))
         task.ramp[c], task.jerk[c] = free * ease[c], j * task.soft[c]
     ramp, jerk = task.ramp, task.jerk
     for c in range(first + 1, last):
@@ -794,36 +805,39 @@ def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
 
 
 @_part
-def _reach(share: Floats, c: int, ease: float, size: float, b: float) -> float:
+def _reach(share: Floats, row: int, ease: float, size: float, b: float) -> float:
     """Return the largest ``b`` at the other end of a cell, by the acceleration."""
     free, q = math.inf, 0.5 / size
     for r in range(share.shape[1]):
-        x = share[c, r, 1] * q
+        x = share[row, r, 1] * q
         if x > 0.0:
-            free = min(free, (ease * RAMP_SHARE + x * b) / (share[c, r, 3] + x))
+            free = min(free, (ease * RAMP_SHARE + x * b) / (share[row, r, 3] + x))
     return max(free, b)
 
 
 @compiled(error_model="numpy")
 def law(
-    path: Elements, grid: Cells, b: Floats, a: Floats, split: Floats
+    path: Elements, at: Ints, offset: Floats, size: Floats, b: Floats, a: Floats, split: Floats
 ) -> tuple[NDArray[np.int32], Floats, Floats]:
-    """Return the pieces of the trajectory: element, start and law of each."""
-    n, m = grid.size.size, path.length.size
+    """Return the pieces of the trajectory: element, start and law of each.
+
+    ``at``, ``offset`` and ``size`` are those of the cells.
+    """
+    n, m = size.size, path.length.size
     most = 2 * n + m + 1
     element, start = np.empty(most, np.int32), np.zeros(most + 1)
     piece = np.zeros((most, 4))
     k, time, lost = 0, 0.0, 0.0  # compensated sum: errors do not grow
     for c in range(n):
-        e, s = grid.element[c], grid.offset[c]
-        if grid.size[c] == 0.0:
+        e, s = at[c], offset[c]
+        if size[c] == 0.0:
             time += path.dwell[e]
             element[k], start[k + 1] = e, time
             k += 1
             continue
-        after = grid.element[c + 1] if c + 1 < n else m
+        after = at[c + 1] if c + 1 < n else m
         final = max(after - 1, e)  # the last element of the cell
-        whole, middle, vm = _pieces(b[c], b[c + 1], a[c], a[c + 1], grid.size[c], split[c])
+        whole, middle, vm = _pieces(b[c], b[c + 1], a[c], a[c + 1], size[c], split[c])
         for half in range(2):
             v, x = (math.sqrt(b[c]), a[c]) if half == 0 else (vm, middle)
             end = middle if half == 0 else a[c + 1]

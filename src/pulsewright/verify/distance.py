@@ -59,7 +59,8 @@ class PathCheck:
         span = np.stack([runs.start[into] - margin, runs.end[out] + margin], axis=1)
         self._span = reference.start + np.round(span * reference.clock).astype(np.int64)
         self._due = runs.end[np.minimum(np.searchsorted(runs.move, index), len(runs.move) - 1)]
-        self._needed = moves.tolerance + slack
+        allowed = np.maximum(moves.tolerance, moves.collapse * (moves.tolerance > 0))
+        self._needed = allowed + slack
         self._covered = np.full(len(moves), np.inf)
         self._worst = np.zeros(4)
         self._state = np.zeros(2, np.int64)

@@ -142,7 +142,7 @@ class Runs:
     start, end : (r,) float64
         [s]
     tolerance : (r,) float64
-        Largest tolerance of the corners that the run touches [mm].
+        Largest tolerance of the corners that the run touches, or of chords for short lines [mm].
     rapid : (r,) bool
     feed : dict of (r,) float64
         Highest feed of the moves it stands for: ``XYZ`` [mm/s], ``ABC`` [degrees/s].
@@ -168,7 +168,8 @@ class Runs:
         # An element's move is the last one that it stands for; so a run stands for all moves after
         # that of the run before it, and touches the corners at both ends of each of them.
         before, after = np.append(-1, self.move[:-1]), self.move + 1
-        self.tolerance = largest(moves.tolerance, np.maximum(before, 0), after)
+        allowed = np.maximum(moves.tolerance, moves.collapse * (moves.tolerance > 0))
+        self.tolerance = largest(allowed, np.maximum(before, 0), after)
         self.rapid = moves.rapid[self.move]
         delta = np.abs(moves.end - moves.starts())
         linear = (delta[:, :3] > 0).any(axis=1) | (moves.kind == MoveKind.ARC)

@@ -192,6 +192,8 @@ class Recorder:
             call.tolerance * self._frame.scale or self._path_tolerance,
         )
         self._tolerances.append((len(self._lines), tolerance))
+        if call.mode != "CONTINUOUS":  # with which its own call comes
+            self._collapses.append((len(self._lines), 0.0))
 
     def _set_collapse(self, call: c.SetNaivecamTolerance) -> None:
         self._collapses.append((len(self._lines), call.tolerance * self._frame.scale))

@@ -48,9 +48,11 @@ def _general(template: Callable[..., Any]) -> Callable[..., Any]:
     the first value of a variable does, while its type is being found.
     """
 
+    any_value: Callable[[Any], Any] = types.unliteral
+
     def general(args: Any, kws: Any) -> Any:
-        free = {name: types.unliteral(kind) for name, kind in dict(kws).items()}
-        return template(tuple(map(types.unliteral, args)), free)
+        free = {name: any_value(kind) for name, kind in dict(kws).items()}
+        return template(tuple(map(any_value, args)), free)
 
     return general
 

@@ -35,7 +35,8 @@ def swing(seconds, amplitude, rate, motors=2, slope=0.0):
 
 
 def play_on(driver, plan, **changes):
-    motors = {"rates": [20_000.0] * plan.axes, "accelerations": [160_000.0] * plan.axes}
+    most = {"rates": 20_000.0, "accelerations": 160_000.0, "jerks": 6.4e6}
+    motors = {name: [value] * plan.axes for name, value in most.items()}
     width = changes.pop("pulse_width", 2.5e-6)
     timing = DriveTiming(width=width, space=2.5e-6, setup=5e-6, hold=5e-6)
     return RapcoresPlayer(driver, plan, Drives(**motors | changes, timing=timing))

@@ -387,21 +387,23 @@ def test_a_plan_is_joined_again_within_limits_and_completed(time):
         law=np.array([[0.0, 8000.0, 0.0, 0.0], [8000.0, 8000.0, -2000.0, -500.0]]),
     )
     place = plan.at(time)[0] + [40.0, -3.0]
-    accelerations = [200_000.0, 200_000.0]
-    joined = rejoin(plan, time, place, rates=[9000.0, 9000.0], accelerations=accelerations)
+    limits = {"rates": [9000.0] * 2, "accelerations": [200_000.0] * 2, "jerks": [1.6e7] * 2}
+    joined = rejoin(plan, time, place, **limits)
     t = np.linspace(0, joined.duration, 100_001)
     x, v, a = (joined.at(t, n) for n in range(3))
     assert np.allclose(x[0], place)
     assert np.allclose(np.diff(x, axis=0) / t[1], (v[1:] + v[:-1]) / 2, atol=2.0)  # no jumps
-    # straight back, for which it takes all that is allowed
-    back = math.sqrt(6 * 40 / 200_000)
+    # straight back, by jerk alone: a quarter of the time each up, down, down and up
+    back = 4 * (40 / (2 * 1.6e7)) ** (1 / 3)
     there = t <= back
     assert np.allclose((x[there] - place) @ [3.0, 40.0], 0.0)
-    assert abs(a[there]).max() == pytest.approx(200_000, rel=0.01)
-    # then the time of the plan passes from 0 to as fast as always, in 9000 / (0.1 * 200 000) s
-    since, warp = t[~there] - back, 0.45
-    passed = np.where(since < warp, since**2 / (2 * warp), since - warp / 2)
-    assert np.allclose(x[~there], plan.at(time + passed), atol=2e-3)
+    assert abs(a[there]).max() == pytest.approx(1.6e7 * back / 4, rel=0.01)
+    # then the time of the plan passes from 0 to as fast as always: 1.5 * 9000 / (0.1 * 200 000) s
+    since, warp = t[~there] - back, 0.675
+    part = np.minimum(since / warp, 1)
+    passed = warp * part**3 * (1 - part / 2) + np.maximum(since - warp, 0)
+    after = np.minimum(time + passed, plan.duration)
+    assert np.allclose(x[~there], plan.at(after), atol=2e-3)
     assert (abs(v) <= 9000).all()
     # 8100^2 / 500 is what the plan has in the circle, and 7000 along it
     assert abs(a[~there]).max(initial=0) <= 131_220 + 7000 + 0.1 * 200_000

@@ -63,7 +63,8 @@ class Rough(VirtualSerialBus):
 
 
 def play_on(driver, plan, **changes):
-    motors = {"rates": [20_000.0] * plan.axes, "accelerations": [160_000.0] * plan.axes}
+    most = {"rates": 20_000.0, "accelerations": 160_000.0, "jerks": 6.4e6}
+    motors = {name: [value] * plan.axes for name, value in most.items()}
     width = changes.pop("pulse_width", 2.5e-6)
     timing = DriveTiming(width=width, space=2.5e-6, setup=5e-6, hold=5e-6)
     return S3GPlayer(driver, plan, Drives(**motors | changes, timing=timing))

@@ -334,10 +334,10 @@ def _job_process(program: Path, folder: Path) -> None:
 
 
 def motion() -> Figures:
-    """Programs interpreted, beside LinuxCNC's interpreter where it is installed."""
-    from pulsewright.app import bench_gcode
+    """Programs interpreted, beside LinuxCNC's interpreter where it is installed, and planned."""
+    from pulsewright.app import bench_gcode, bench_plan
 
-    return [_figure("motion", *row) for row in bench_gcode.rows()]
+    return [_figure("motion", *row) for row in bench_gcode.rows() + bench_plan.rows()]
 
 
 def area(page: Path | None = None, progress: Progress = silent) -> Figures:

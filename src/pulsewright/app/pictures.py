@@ -30,7 +30,7 @@ HEIGHT: Final = 7.0  # of a view of the path [inch]
 LEVELS: Final = 100  # colours of speed
 COLUMNS: Final = 1200  # points of a curve over time: more than a page shows
 ISOMETRIC: Final = np.array([[0.866, -0.5], [0.866, 0.5], [0.0, 1.0]])  # X right and down, Z up
-_STYLE: Any = {  # typed by matplotlib as a dictionary of 300 literal keys
+STYLE: Any = {  # typed by matplotlib as a dictionary of 300 literal keys
     "font.family": "sans-serif",
     "font.size": 10,
     "text.color": INK,
@@ -70,7 +70,7 @@ def path_picture(verdict: Verdict, title: str) -> bytes:
     )
     norm = Normalize(0.0, top)
     deep = bool(len(xyz)) and bool(np.ptp(xyz[:, 2]) > 0)
-    with rc_context(_STYLE | {"font.size": 13}):
+    with rc_context(STYLE | {"font.size": 13}):
         projections = (np.eye(3)[:, :2], ISOMETRIC)[: 1 + deep]
         shapes = [_shape(xyz, projection) for projection in projections]
         figure = Figure(
@@ -105,7 +105,7 @@ def path_picture(verdict: Verdict, title: str) -> bytes:
             fontweight="bold",
             color=GREEN if verdict.passed else RED,
         )
-        return _rendered(figure, "png")
+        return rendered(figure, "png")
 
 
 def _shape(xyz: Floats, projection: Floats) -> float:
@@ -243,8 +243,8 @@ def dynamics_chart(verdict: Verdict) -> str:
     from matplotlib.figure import Figure
 
     sample = verdict.sample
-    time, speed, acceleration = _envelope(sample.time, sample.speed * MINUTE, sample.acceleration)
-    with rc_context(_STYLE):
+    time, speed, acceleration = envelope(sample.time, sample.speed * MINUTE, sample.acceleration)
+    with rc_context(STYLE):
         figure = Figure(figsize=(11, 4.2), layout="constrained")
         upper, lower = figure.subplots(2, 1, sharex=True)
         for axes, curve, colour, label in (
@@ -257,7 +257,7 @@ def dynamics_chart(verdict: Verdict) -> str:
             axes.set_ylim(bottom=0)
             axes.margins(x=0)
         lower.set_xlabel("time [s]")
-        return _rendered(figure, "svg").decode()
+        return rendered(figure, "svg").decode()
 
 
 def deviation_chart(verdict: Verdict) -> str:
@@ -267,10 +267,10 @@ def deviation_chart(verdict: Verdict) -> str:
 
     sample, bound = verdict.sample, verdict["following"].bound
     largest = sample.deviation.max(axis=1, initial=0.0)
-    time, curve = _envelope(sample.time, largest)
+    time, curve = envelope(sample.time, largest)
     edges = np.array(verdict.histogram["edges"])
     counts = np.array(verdict.histogram["counts"], float)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=(11, 3.2), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=(2, 1))
         left.plot(time, curve, color=BLUE, linewidth=1)
@@ -300,10 +300,10 @@ def deviation_chart(verdict: Verdict) -> str:
         for side in (-bound, bound):
             right.axvline(side, color=RED, linewidth=1, linestyle="--")
         right.set(xlabel="count - plan at a step [step]", ylabel="how often")
-        return _rendered(figure, "svg").decode()
+        return rendered(figure, "svg").decode()
 
 
-def _envelope(time: Floats, *curves: Floats) -> list[Floats]:
+def envelope(time: Floats, *curves: Floats) -> list[Floats]:
     """Return times and curves with at most about `COLUMNS` points, keeping the largest values."""
     stride = -(-len(time) // COLUMNS)
     if stride <= 1:
@@ -312,7 +312,8 @@ def _envelope(time: Floats, *curves: Floats) -> list[Floats]:
     return [time[first], *(np.maximum.reduceat(curve, first) for curve in curves)]
 
 
-def _rendered(figure: Figure, kind: str) -> bytes:
+def rendered(figure: Figure, kind: str) -> bytes:
+    """Return the file of a picture, the same for the same picture: ``png`` or ``svg``."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)  # no window system is asked for

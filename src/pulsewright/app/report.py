@@ -9,13 +9,16 @@ from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 from string import Template
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pulsewright.app import pictures
 from pulsewright.app.report_page import PAGE
 from pulsewright.errors import UsageError
 from pulsewright.files import replacing
 from pulsewright.verify.verdict import Check, Verdict, plain
+
+if TYPE_CHECKING:
+    from pulsewright.app.plan_view import PlanView
 
 FILES: Final = ("report.json", "report.html", "path.png")
 _LABELS: Final = {
@@ -37,7 +40,13 @@ PLACES: Final = 8  # program lines shown at most
 _IN_TILES: Final = {"duration"}
 
 
-def write_report(verdict: Verdict, context: Mapping[str, Any], out_dir: Path | str) -> list[Path]:
+def write_report(
+    verdict: Verdict,
+    context: Mapping[str, Any],
+    out_dir: Path | str,
+    *,
+    plan: PlanView | None = None,
+) -> list[Path]:
     """Write report.json, report.html and path.png.
 
     All are made before the first is written, and each appears whole or not at all.
@@ -50,6 +59,8 @@ def write_report(verdict: Verdict, context: Mapping[str, Any], out_dir: Path | s
         worth a line; values that `json.dumps` takes, or dictionaries of these.
     out_dir : Path or str
         A folder that exists.
+    plan : PlanView, optional
+        The plan, for a section about it.
 
     Returns
     -------
@@ -68,7 +79,7 @@ def write_report(verdict: Verdict, context: Mapping[str, Any], out_dir: Path | s
     picture = pictures.path_picture(verdict, f"{name}   {clock_time(verdict.duration)}")
     content = {
         "report.json": report_json(verdict, context).encode(),
-        "report.html": report_page(verdict, context, picture).encode(),
+        "report.html": report_page(verdict, context, picture, plan).encode(),
         "path.png": picture,
     }
     for file in FILES:
@@ -83,7 +94,9 @@ def report_json(verdict: Verdict, context: Mapping[str, Any]) -> str:
     return json.dumps(report, indent=2, allow_nan=False) + "\n"
 
 
-def report_page(verdict: Verdict, context: Mapping[str, Any], picture: bytes) -> str:
+def report_page(
+    verdict: Verdict, context: Mapping[str, Any], picture: bytes, plan: PlanView | None = None
+) -> str:
     """Return the report as one HTML page that needs nothing from anywhere else."""
     name = Path(str(context.get("program", "run"))).name
     return Template(PAGE).substitute(
@@ -100,6 +113,7 @@ def report_page(verdict: Verdict, context: Mapping[str, Any], picture: bytes) ->
         picture=base64.b64encode(picture).decode(),
         checks="".join(_check_row(check) for check in verdict.checks),
         places=_places(verdict, context),
+        plan="" if plan is None else plan.section(_program(context)),
         dynamics=_inline(pictures.dynamics_chart(verdict)),
         deviation=_inline(pictures.deviation_chart(verdict)),
         speed_window=f"{verdict.sample.speed_window * 1e3:.3g}",
@@ -192,10 +206,7 @@ def _bar(check: Check) -> str:
 
 def _places(verdict: Verdict, context: Mapping[str, Any]) -> str:
     """Return rows that show the program where checks failed, or else where margins are least."""
-    try:
-        text = Path(str(context["program"])).read_text(errors="replace").splitlines()
-    except (KeyError, OSError):
-        text = []
+    text = _program(context)
     tight = sorted(verdict.failed or verdict.checks, key=_used, reverse=True)
     chosen: dict[int, list[str]] = {}
     for check in tight:
@@ -209,6 +220,14 @@ def _places(verdict: Verdict, context: Mapping[str, Any]) -> str:
             f"<td>{escape('; '.join(titles))}</td></tr>"
         )
     return "".join(rows)
+
+
+def _program(context: Mapping[str, Any]) -> list[str]:
+    """Return the lines of the program; none if it is not there any more."""
+    try:
+        return Path(str(context["program"])).read_text(errors="replace").splitlines()
+    except (KeyError, OSError):
+        return []
 
 
 def _motor_row(motor: dict[str, Any]) -> str:

@@ -63,7 +63,7 @@ code { font: 13px/1.5 ui-monospace, "DejaVu Sans Mono", monospace; }
 <section><h2>Speed and acceleration</h2>$dynamics
 <p class="note">Of X, Y, Z, by differences of the step counts over $speed_window ms and
 $acceleration_window ms; the largest in each column.</p></section>
-<section><h2>Following deviation</h2>$deviation
+$plan<section><h2>Following deviation</h2>$deviation
 <p class="note">Count minus planned position of each motor, just before and just after every step.
 Whole steps cannot do better than half a step.</p></section>
 <section><h2>Motors</h2>

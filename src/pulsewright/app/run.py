@@ -181,6 +181,8 @@ class Job:
         matrix = machine.motor_matrix()
         rows, velocity, acceleration = limits = machine.limit_rows()
         scale = np.abs(matrix @ np.linalg.pinv(rows))  # steps per unit along each limited row
+        limit = np.stack([velocity, acceleration, machine.jerk_limits()])
+        rates, accelerations, jerks = (limit @ scale.T).tolist()
         drive = DriveTiming(
             width=machine.drive.pulse_width_us * MICROSECOND,
             space=machine.drive.pulse_space_us * MICROSECOND,
@@ -192,7 +194,7 @@ class Job:
             player = room.player(
                 driver,
                 self.trajectory.mapped(matrix),
-                Drives((scale @ velocity).tolist(), (scale @ acceleration).tolist(), drive),
+                Drives(rates, accelerations, jerks, drive),
             )
             with self.clock.stage("convert and run"):
                 player.prepare()
@@ -311,9 +313,12 @@ class Result:
 
         The report is report.json, report.html and path.png.
         """
+        from pulsewright.app.plan_view import PlanView
         from pulsewright.app.report import write_report
 
-        write_report(self.verdict, self.context(), folder)
+        job = self.job
+        plan = PlanView(job.trajectory, job.program.moves, job.machine)
+        write_report(self.verdict, self.context(), folder, plan=plan)
         with replacing(folder / CERTIFICATE) as temporary:
             temporary.write_text(json.dumps(self.job.certificate.to_json(), indent=2) + "\n")
         if vcd:

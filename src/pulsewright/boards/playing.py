@@ -26,13 +26,14 @@ class Drives:
 
     Parameters
     ----------
-    rates, accelerations : (motors,) float
-        The most that each motor may do [step/s, step/s^2].
+    rates, accelerations, jerks : (motors,) float
+        The most that each motor may do [step/s, step/s^2, step/s^3].
     timing : DriveTiming
     """
 
     rates: Sequence[float]
     accelerations: Sequence[float]
+    jerks: Sequence[float]
     timing: DriveTiming
 
 

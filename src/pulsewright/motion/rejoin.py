@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pulsewright.motion.trajectory import Trajectory
 
-SHARE: Final = 0.1  # of the acceleration limit, for speeding up along the plan
+Floats = NDArray[np.float64]
+
+SHARE: Final = 0.1  # of the limits of acceleration and jerk, for speeding up along the plan
 PIECES: Final = 64  # of the time in which that is done
+SLIVER: Final = 1e-12  # of it: so short a part is none
+HALVINGS: Final = 60  # to find when a time of the plan comes
 
 
 def rejoin(
@@ -23,13 +27,14 @@ def rejoin(
     *,
     rates: Sequence[float],
     accelerations: Sequence[float],
+    jerks: Sequence[float],
 ) -> Trajectory:
     """Return the motion that completes a plan from a place beside it.
 
     It goes straight to where the plan is at ``time``, from rest to rest and within the limits. From
     there on it follows the plan's path to the end: first slower than the plan, with the plan's own
-    time passing ever faster, then as the plan. Speeding up adds at most `SHARE` of the acceleration
-    limits to what the plan has.
+    time passing ever faster, then as the plan. Speeding up adds at most `SHARE` of the limits of
+    acceleration and jerk to what the plan has. Acceleration has no jump that the plan has not.
 
     Parameters
     ----------
@@ -38,26 +43,24 @@ def rejoin(
         Where to join it [s].
     position : (axes,) float
         Where the machine rests.
-    rates, accelerations : sequence of float
-        Limits of each axis, in its units per s and per s^2; not 0.
+    rates, accelerations, jerks : sequence of float
+        Limits of each axis, in its units per s, s^2 and s^3; not 0.
     """
     time = min(max(time, 0.0), plan.duration)
     begin = np.asarray(position, float)
     way = plan.at(time)[0] - begin
-    rate, acceleration = np.asarray(rates, float), np.asarray(accelerations, float)
+    limits = np.array([rates, accelerations, jerks], float)
     first = int(np.clip(np.searchsorted(plan.start, time, "right") - 1, 0, len(plan.element) - 1))
-    # 3 u^2 - 2 u^3 over a time T: at most 1.5 / T fast, with 6 / T^2
-    back = max(
-        1.5 * float((abs(way) / rate).max()), math.sqrt(6 * float((abs(way) / acceleration).max()))
-    )
     start, law, element = [np.zeros(1)], [np.zeros((0, 4))], [np.zeros(0, np.int32)]
-    if back > 0:
-        start.append(np.array([back]))
-        law.append(np.array([[0.0, 0.0, 3 / back**2, -2 / back**3]]))
-        element.append(np.zeros(1, np.int32))
+    back = 0.0
+    if way.any():
+        ends, pieces = _straight(*(1 / (abs(way) / limits).max(axis=1)).tolist())
+        start.append(ends)
+        law.append(pieces)
+        element.append(np.zeros(len(ends), np.int32))
+        back = float(ends[-1])
     if time < plan.duration:
-        warp = float((rate / acceleration).max()) / SHARE
-        ends, pieces, elements = _warped(plan, time, first, warp)
+        ends, pieces, elements = _warped(plan, time, _warp(*limits))
         start.append(back + ends)
         law.append(pieces)
         element.append(elements - plan.element[first] + 1)
@@ -83,50 +86,121 @@ def rejoin(
     )
 
 
-def _warped(
-    plan: Trajectory, time: float, first: int, warp: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
+def _straight(speed: float, acceleration: float, jerk: float) -> tuple[Floats, Floats]:
+    """Return end times and laws of the fastest way from 0 to 1, from rest to rest."""
+    a = min(acceleration, math.sqrt(speed * jerk))
+    v = speed
+    if v * (a / jerk + v / a) > 1:  # no room to get so fast
+        v = (jerk / 4) ** (1 / 3)
+        a = math.sqrt(v * jerk)
+        if a > acceleration:
+            a = acceleration
+            v = (math.sqrt((a * a / jerk) ** 2 + 4 * a) - a * a / jerk) / 2
+    build = a / jerk
+    hold, cruise = max(v / a - build, 0.0), max(1 / v - build - v / a, 0.0)
+    times = [build, hold, build, cruise, build, hold, build]
+    laws, ends = [], []
+    state: tuple[Any, Any, Any] = (0.0, 0.0, 0.0)  # path coordinate, speed, acceleration
+    for time, j in zip(times, [jerk, 0.0, -jerk, 0.0, -jerk, 0.0, jerk], strict=True):
+        if time > 0:
+            x, v, a = state
+            laws.append((x, v, a / 2, j / 6))
+            ends.append(time)
+            state = _after(x, v, a, j, time)
+    return np.cumsum(ends), np.array(laws)
+
+
+def _after(x: Any, v: Any, a: Any, j: Any, time: Any) -> tuple[Any, Any, Any]:
+    """Return position, speed and acceleration after a time of constant jerk."""
+    return (
+        x + (v + (a / 2 + j / 6 * time) * time) * time,
+        v + (a + j / 2 * time) * time,
+        a + j * time,
+    )
+
+
+def _warp(rate: Floats, acceleration: Floats, jerk: Floats) -> float:
+    """Return the time T in which the plan's time begins to pass as always [s].
+
+    Its rate is 3 r^2 - 2 r^3 at a share r of T: that changes by 1.5 / T at most, and the change by
+    6 / T^2. So 1.5 rate / T comes on top of the plan's acceleration, and 4.5 acceleration / T + 6
+    rate / T^2 on top of its jerk.
+    """
+    soft, bend = SHARE * jerk, 4.5 * acceleration
+    by_jerk = (bend + np.sqrt(bend**2 + 24 * soft * rate)) / (2 * soft)
+    return float(np.maximum(1.5 * rate / (SHARE * acceleration), by_jerk).max())
+
+
+def _warped(plan: Trajectory, time: float, warp: float) -> tuple[Floats, Floats, NDArray[np.int32]]:
     """Return end times, laws and elements of the plan's pieces from ``time`` on, from rest.
 
-    At u < ``warp`` the plan's time is time + u^2 / (2 warp), later it passes as always. Pieces of
-    the first part are split, and cubics with the same positions and velocities at their ends.
+    At a share r of ``warp``, the plan's time is time + warp (r^3 - r^4 / 2), later it passes as
+    always. In the first part, pieces are split; positions, speeds and accelerations at the ends of
+    the parts are exact, and three cubics lead from one to the next.
     """
     full = time + warp / 2  # time of the plan from which on it passes as always
-    bounds = plan.start[(plan.start > time) & (plan.start < full)]
-    inside = time + np.linspace(0, 1, PIECES + 1) ** 2 * warp / 2
     stop = min(full, plan.duration)
-    slow = np.unique(np.concatenate([bounds, inside[inside < stop], [time, stop]]))
-    u = np.sqrt(2 * warp * (slow - time))
-    k = np.searchsorted(plan.start, slow[:-1], "right") - 1
-    s, v = _path(plan, k, slow[:-1])
-    s_end, v_end = _path(plan, k, slow[1:])
-    v, v_end, h = v * u[:-1] / warp, v_end * u[1:] / warp, np.diff(u)
-    rise = (s_end - s) / h
-    hermite = [s, v, (3 * rise - 2 * v - v_end) / h, (v + v_end - 2 * rise) / h**2]
-    ends, laws, elements = u[1:], np.stack(hermite, axis=1), plan.element[k]
+    bounds = plan.start[(plan.start > time) & (plan.start < stop)]
+    last = _share(np.array([(stop - time) / warp]))
+    even = np.linspace(0, 1, PIECES + 1)
+    share = np.concatenate([_share((bounds - time) / warp), even[even < last], last])
+    share = np.unique(share)
+    share = share[np.append(True, np.diff(share) > SLIVER)]
+    share[-1] = last[0]
+    r, span = share[:-1], warp * np.diff(share)
+    middle = (r + share[1:]) / 2
+    k = np.searchsorted(plan.start, time + warp * middle**3 * (1 - middle / 2), "right") - 1
+    tau = np.maximum(time + warp * r**3 * (1 - r / 2) - plan.start[k], 0.0)
+    x, v, a = _after(plan.law[k, 0], plan.law[k, 1], 2 * plan.law[k, 2], 6 * plan.law[k, 3], tau)
+    # series of the plan's time, and of the path coordinate in it, in the time since r
+    rate = [r * r * (3 - 2 * r), 3 * r * (1 - r) / warp, (1 - 2 * r) / warp**2]
+    passed = np.stack([0 * r, *rate, 0 * r - 0.5 / warp**3], axis=1)
+    square = _product(passed, passed)
+    series = _product(square, passed) * plan.law[k, 3, None]
+    series[:, : square.shape[1]] += square * a[:, None] / 2
+    series[:, : passed.shape[1]] += passed * v[:, None]
+    n = np.arange(3, series.shape[1])
+    terms = series[:, 3:] * span[:, None] ** (n - 3)
+    rise, gain, climb = 3 * terms @ (n * (n - 1)), 9 * terms @ n, 27 * terms.sum(axis=1)
+    first = climb - gain + rise / 3
+    second = 3 * gain - 2 * climb - 7 / 6 * rise
+    h = span / 3
+    v, a = series[:, 1], 2 * series[:, 2]
+    laws, ends = [], []
+    for part, j in enumerate([first, second, rise - first - second], start=1):
+        laws.append(np.stack([x, v, a / 2, j / 6], axis=1))
+        ends.append(warp * r + part * h)
+        x, v, a = _after(x, v, a, j, h)
+    ends[-1] = warp * share[1:]
+    slow = np.stack(ends, axis=1).ravel(), np.stack(laws, axis=1).reshape(-1, 4)
+    elements = np.repeat(plan.element[k], 3)
     if full >= plan.duration:
-        return ends, laws, elements
+        return *slow, elements
     k = np.arange(int(np.searchsorted(plan.start, full, "right")) - 1, len(plan.element))
     rest = plan.law[k].copy()
-    tau = full - plan.start[k[0]]
     c0, c1, c2, c3 = rest[0]
-    rest[0] = (
-        ((c3 * tau + c2) * tau + c1) * tau + c0,
-        (3 * c3 * tau + 2 * c2) * tau + c1,
-        3 * c3 * tau + c2,
-        c3,
-    )
+    x, v, a = _after(c0, c1, 2 * c2, 6 * c3, full - plan.start[k[0]])
+    rest[0, :3] = x, v, a / 2
     return (
-        np.concatenate([ends, plan.start[k + 1] - full + warp]),
-        np.concatenate([laws, rest]),
+        np.concatenate([slow[0], plan.start[k + 1] - full + warp]),
+        np.concatenate([slow[1], rest]),
         np.concatenate([elements, plan.element[k]]),
     )
 
 
-def _path(
-    plan: Trajectory, k: NDArray[np.int64], time: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return path coordinate and its velocity on pieces ``k`` at times."""
-    tau, law = time - plan.start[k], plan.law[k]
-    s = ((law[:, 3] * tau + law[:, 2]) * tau + law[:, 1]) * tau + law[:, 0]
-    return s, (3 * law[:, 3] * tau + 2 * law[:, 2]) * tau + law[:, 1]
+def _share(passed: Floats) -> Floats:
+    """Return r with r^3 - r^4 / 2 as given, from 0 to 1 / 2."""
+    low, high = np.zeros_like(passed), np.ones_like(passed)
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        below = middle**3 * (1 - middle / 2) < passed
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return high
+
+
+def _product(a: Floats, b: Floats) -> Floats:
+    """Return the products of polynomials, coefficients of rising powers in rows."""
+    out = np.zeros((len(a), a.shape[1] + b.shape[1] - 1))
+    for n in range(b.shape[1]):
+        out[:, n : n + a.shape[1]] += a * b[:, n, None]
+    return out

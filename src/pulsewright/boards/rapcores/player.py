@@ -135,6 +135,7 @@ class RapcoresPlayer:
         self.driver = driver
         self.trajectory = trajectory
         self.rates, self.accelerations = drives.rates, drives.accelerations
+        self.jerks = drives.jerks
         timing = drives.timing
         self._times: _Times = {
             "pulse_width": timing.width,
@@ -207,6 +208,7 @@ class RapcoresPlayer:
             self._stopped.position,
             rates=self.rates,
             accelerations=self.accelerations,
+            jerks=self.jerks,
         )
         self._stopped = None
         self._job = _Job(self.driver, self.trajectory, self._pace, self._playing.accumulators)

@@ -63,6 +63,7 @@ class S3GPlayer:
         self.driver = driver
         self.trajectory = trajectory
         self.rates, self.accelerations = drives.rates, drives.accelerations
+        self.jerks = drives.jerks
         timing = drives.timing
         self._times = {
             "pulse_width": timing.width,
@@ -128,6 +129,7 @@ class S3GPlayer:
             self._stopped.position,
             rates=self.rates,
             accelerations=self.accelerations,
+            jerks=self.jerks,
         )
         self._stopped = None
         self._begin(self._rest)

@@ -1,0 +1,154 @@
+"""How fast programs are planned, and how near to the second-order optimum of the same path.
+
+Times are CPU time, medians of a few runs with warm kernels. Programs are those of the corpus, where
+it lies beside the checkout. Every plan has to pass its certificate.
+"""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from pulsewright.app.bench_gcode import CORPUS, Row, surface
+from pulsewright.errors import UsageError
+
+if TYPE_CHECKING:
+    from pulsewright.motion.machine import Machine
+    from pulsewright.motion.moves import Moves
+
+RUNS: Final = 3
+SPEED: Final = 200.0  # of every axis [mm/s]; 5 times that of A [degrees/s]
+ACCELERATION: Final = 3000.0  # [mm/s^2]
+JERKS: Final = {1e6: "<= 1.10", 3e5: "<= 1.20"}  # [mm/s^3], and the aim
+TOLERANCES: Final = (0.02, 0.05)  # [mm]
+PARTS: Final = 8  # of each element, for the optimum
+CHORDS: Final = 1000
+LINES: Final = 100_000
+
+
+def rows() -> list[Row]:
+    """Return what was measured: time over the optimum, speed, a circle in chords, memory."""
+    programs = {path.name: _moves(path) for path in sorted(CORPUS.glob("*")) if _is_program(path)}
+    found: list[Row] = []
+    for jerk, aim in JERKS.items():
+        machine = bench_machine(jerk)
+        for tolerance in TOLERANCES:
+            for name, moves in programs.items():
+                ratio, _ = measured(blended(moves, tolerance), machine)
+                what = f"time over T2, {name}, {jerk:g} mm/s^3, {tolerance:g} mm"
+                found.append((what, ratio, "", aim))
+    machine = bench_machine(max(JERKS))
+    for name, moves in programs.items():
+        _, spent = measured(blended(moves, TOLERANCES[0]), machine, RUNS)
+        found.append((f"planning of {name}", len(moves) / spent / 1e6, "M moves/s", ">= 2"))
+    for jerk in JERKS:
+        ratio = _chorded(bench_machine(jerk))
+        found.append((f"circle in chords over the circle, {jerk:g} mm/s^3", ratio, "", "<= 1.03"))
+    what = f"peak memory of interpreting and planning {LINES:,} lines"
+    found.append((what, _memory(), "MB", "< 300 for 1 M"))
+    return found
+
+
+def bench_machine(jerk: float) -> Machine:
+    """Return a fast machine without bounds of travel."""
+    from pulsewright.motion.machine import Machine
+
+    machine = Machine.default()
+    changes = {"min": -1e6, "max": 1e6, "acceleration": ACCELERATION, "jerk": jerk}
+    axes = {
+        letter: axis.model_copy(
+            update=changes | {"velocity": SPEED * (5 if letter == "A" else 1)},
+        )
+        for letter, axis in machine.axis.items()
+    }
+    return machine.model_copy(update={"axis": axes})
+
+
+def blended(moves: Moves, tolerance: float) -> Moves:
+    """Return ``moves`` with another tolerance, where they have one."""
+    limit = np.where(moves.tolerance > 0, tolerance, 0.0)
+    return replace(moves, tolerance=limit, collapse=np.zeros(len(moves)))
+
+
+def measured(moves: Moves, machine: Machine, runs: int = 1) -> tuple[float, float]:
+    """Return time over the second-order optimum of the same path, and CPU time of planning [s].
+
+    Raises
+    ------
+    UsageError
+        If the plan fails its certificate.
+    """
+    from pulsewright.app.bench_optimum import optimum
+    from pulsewright.motion.plan import blended_path, certify, plan
+
+    spent = []
+    for _ in range(runs):
+        start = time.process_time()
+        trajectory = plan(moves, machine)
+        spent.append(time.process_time() - start)
+    certificate = certify(trajectory, moves, machine)
+    if not certificate.passed:
+        raise UsageError(f"a plan of the benchmark fails its certificate: {certificate}")
+    elements, limits = blended_path(moves, machine)
+    return trajectory.duration / optimum(elements, limits, PARTS), statistics.median(spent)
+
+
+def _is_program(path: Path) -> bool:
+    return path.suffix in {".ngc", ".nc", ".gcode"}
+
+
+def _moves(path: Path) -> Moves:
+    from pulsewright.motion.gcode import InterpreterSettings, interpret
+
+    return interpret(path, settings=InterpreterSettings(axes="XYZA")).moves
+
+
+def _chorded(machine: Machine) -> float:
+    """Return the time of a circle in chords over that of the circle itself."""
+    from pulsewright.motion.gcode import InterpreterSettings, interpret_text
+    from pulsewright.motion.plan import plan
+
+    settings = InterpreterSettings(start=(20.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    angle = np.linspace(0, 2 * np.pi, CHORDS + 1)[1:]
+    points = zip(20 * np.cos(angle), 20 * np.sin(angle), strict=True)
+    head = f"G64 P{TOLERANCES[0]}\nF{60 * SPEED}\n"
+    chords = "".join(f"G1 X{x:.6f} Y{y:.6f}\n" for x, y in points)
+    long, short = (
+        plan(interpret_text(head + text, settings=settings).moves, machine).duration
+        for text in (chords, "G3 X20 Y0 I-20 J0\n")
+    )
+    return long / short
+
+
+def _memory() -> float:
+    """Return the peak memory of a process that interprets and plans a long program [MB]."""
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "surface.ngc"
+        surface(program, LINES)
+        command = [sys.executable, "-m", "pulsewright.app.bench_plan", str(program)]
+        output = subprocess.run(command, capture_output=True, text=True, check=False)
+    if output.returncode:
+        raise UsageError(f"the benchmark of memory failed: {output.stderr.strip()}")
+    return float(output.stdout)
+
+
+def _plan_process(path: Path) -> None:
+    """Interpret and plan a program, and print the peak memory of this process [MB]."""
+    import resource
+
+    from pulsewright.motion.plan import plan
+
+    plan(_moves(path), bench_machine(max(JERKS)))
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+
+
+if __name__ == "__main__":
+    _plan_process(Path(sys.argv[1]))

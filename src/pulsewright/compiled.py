@@ -47,7 +47,6 @@ def _general(template: Callable[..., Any]) -> Callable[..., Any]:
     Otherwise each constant in a call compiles the kernel, and all that it calls, once more; even
     the first value of a variable does, while its type is being found.
     """
-
     any_value: Callable[[Any], Any] = types.unliteral
 
     def general(args: Any, kws: Any) -> Any:

@@ -115,3 +115,34 @@ def test_nothing_is_left_of_a_plan_joined_at_its_end():
     motion = joined(plan, 99.0, [0.0, 0.0])
     assert motion.duration == 0
     assert motion.at(0.0)[0] == pytest.approx(plan.at(plan.duration)[0])
+
+
+def test_a_plan_that_is_left_again_and_again_is_still_the_same_plan():
+    plan = circle()
+    limits = {"rates": [SPEED] * 2, "accelerations": [ACCELERATION] * 2, "jerks": [JERK] * 2}
+    motion = joined(plan, 1.0, [0.5, -0.5])
+    pieces = len(motion.element)
+    for _ in range(20):  # in the middle of speeding up
+        time = motion.back + 0.5 * motion.warp
+        place = motion.at(time)[0]
+        # half of the time, (1/2)^3 - (1/2)^4 / 2 of it in the plan's time
+        assert motion.plan_time(time) == pytest.approx(motion.joined + 3 / 32 * motion.warp)
+        assert place == pytest.approx(plan.at(motion.plan_time(time))[0], abs=1e-6)
+        motion = rejoin(motion, time, place + 0.01, **limits)
+        assert len(motion.element) < 1.1 * pieces
+    assert motion.at(motion.back + motion.warp + 0.1) == pytest.approx(
+        plan.at(motion.joined + motion.warp / 2 + 0.1), abs=1e-9
+    )
+    assert motion.at(motion.duration) == pytest.approx(plan.at(plan.duration), abs=1e-9)
+
+
+def test_a_way_back_that_is_left_goes_to_where_it_would_have_gone():
+    plan = circle()
+    motion = joined(plan, 1.0, [5.0, 0.0])
+    place = motion.at(0.5 * motion.back)[0]
+    again = rejoin(
+        motion, 0.5 * motion.back, place, rates=[SPEED] * 2, accelerations=[ACCELERATION] * 2,
+        jerks=[JERK] * 2,
+    )  # fmt: skip
+    assert again.at(again.back)[0] == pytest.approx(plan.at(1.0)[0], abs=1e-9)
+    assert again.at(0.0)[0] == pytest.approx(place)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +20,37 @@ SLIVER: Final = 1e-12  # of it: so short a part is none
 HALVINGS: Final = 60  # to find when a time of the plan comes
 
 
+@dataclass(frozen=True)
+class Rejoined(Trajectory):
+    """The motion back to a plan and along it.
+
+    Parameters
+    ----------
+    plan : Trajectory
+    joined : float
+        Where the plan is joined, in its time [s].
+    back : float
+        How long the way there is [s].
+    warp : float
+        How long after that the plan's time passes slower than always [s].
+    """
+
+    plan: Trajectory
+    joined: float
+    back: float
+    warp: float
+
+    def plan_time(self, time: float) -> float:
+        """Return the time of the plan at a time of this motion; on the way back, where it ends."""
+        since = max(time - self.back, 0.0)
+        share = min(since / self.warp, 1.0)
+        return self.joined + self.warp * share**3 * (1 - share / 2) + max(since - self.warp, 0.0)
+
+    def mapped(self, matrix: Floats) -> Rejoined:
+        """Return the same motion in other coordinates."""
+        return replace(super().mapped(matrix), plan=self.plan.mapped(matrix))
+
+
 def rejoin(
     plan: Trajectory,
     time: float,
@@ -28,13 +59,15 @@ def rejoin(
     rates: Sequence[float],
     accelerations: Sequence[float],
     jerks: Sequence[float],
-) -> Trajectory:
+) -> Rejoined:
     """Return the motion that completes a plan from a place beside it.
 
     It goes straight to where the plan is at ``time``, from rest to rest and within the limits. From
     there on it follows the plan's path to the end: first slower than the plan, with the plan's own
     time passing ever faster, then as the plan. Speeding up adds at most `SHARE` of the limits of
     acceleration and jerk to what the plan has. Acceleration has no jump that the plan has not.
+
+    A motion that has rejoined a plan and is left again goes back to that plan.
 
     Parameters
     ----------
@@ -46,13 +79,15 @@ def rejoin(
     rates, accelerations, jerks : sequence of float
         Limits of each axis, in its units per s, s^2 and s^3; not 0.
     """
+    if isinstance(plan, Rejoined):
+        time, plan = plan.plan_time(time), plan.plan
     time = min(max(time, 0.0), plan.duration)
     begin = np.asarray(position, float)
     way = plan.at(time)[0] - begin
     limits = np.array([rates, accelerations, jerks], float)
     first = int(np.clip(np.searchsorted(plan.start, time, "right") - 1, 0, len(plan.element) - 1))
     start, law, element = [np.zeros(1)], [np.zeros((0, 4))], [np.zeros(0, np.int32)]
-    back = 0.0
+    back, warp = 0.0, _warp(*limits)
     if way.any():
         ends, pieces = _straight(*(1 / (abs(way) / limits).max(axis=1)).tolist())
         start.append(ends)
@@ -60,7 +95,7 @@ def rejoin(
         element.append(np.zeros(len(ends), np.int32))
         back = float(ends[-1])
     if time < plan.duration:
-        ends, pieces, elements = _warped(plan, time, _warp(*limits))
+        ends, pieces, elements = _warped(plan, time, warp)
         start.append(back + ends)
         law.append(pieces)
         element.append(elements - plan.element[first] + 1)
@@ -72,8 +107,7 @@ def rejoin(
     line = np.zeros((1, 4, plan.axes))
     line[0, 0], line[0, 1] = begin, way
     none = np.zeros((1, plan.axes))
-    return replace(
-        plan,
+    return Rejoined(
         poly=np.concatenate([line, plan.poly[kept]]),
         cosine=np.concatenate([none, plan.cosine[kept]]),
         sine=np.concatenate([none, plan.sine[kept]]),
@@ -83,6 +117,10 @@ def rejoin(
         element=np.concatenate(element).astype(np.int32),
         start=np.concatenate(start),
         law=np.concatenate(law),
+        plan=plan,
+        joined=time,
+        back=back,
+        warp=warp,
     )
 
 

@@ -116,7 +116,8 @@ class PlanView:
                 axes.set_ylim(0, 110)
                 axes.margins(x=0)
             if moving:
-                others[0].legend(ncols=len(moving), loc="lower right", fontsize=9)
+                lines = others[0].lines[: len(moving)]
+                figure.legend(handles=lines, ncols=len(moving), loc="outside upper right")
             others[-1].set_xlabel("time [s]")
             return pictures.rendered(figure, "svg").decode()
 

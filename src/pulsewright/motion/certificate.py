@@ -7,7 +7,7 @@ at the same path coordinate is bounded by the control polygon of the difference.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -163,44 +163,200 @@ def certify(trajectory: Trajectory, moves: Moves, machine: Machine) -> Certifica
     """
     if not len(moves):
         return _nothing(machine)
-    if trajectory.axes != len(AXES):
-        raise UsageError(f"certify needs positions of {AXES}, not {trajectory.axes} coordinates")
-    from pulsewright.motion import certificate_kernels as kernels  # compiled on first use
+    certifier = Certifier(machine, moves.start)
+    certifier.add(moves)
+    certifier.check(trajectory)
+    return certifier.finish()
 
-    rows, velocity, acceleration = machine.limit_rows()
-    t = trajectory
-    columns = (t.poly, t.cosine, t.sine, t.omega, t.element, t.start, t.law)
-    limits = np.stack([velocity, acceleration, machine.jerk_limits()])
-    use, where = kernels.worst(*columns, rows, limits)
-    position_jump, velocity_jump, acceleration_jump = kernels.jumps(*columns).tolist()
-    motion = _Pieces(trajectory)
-    reference = _Reference(trajectory, moves)
-    feed = motion.fastest / reference.feed[trajectory.element]
-    deviation, allowed = reference.deviation()
-    off = deviation / allowed
-    farthest = int(np.searchsorted(t.element, off.argmax()))  # the first piece there
-    end_error, missed = reference.rests(motion)
 
-    def place(use: float, what: str, k: int) -> Worst:
-        return Worst(float(use), what, int(moves.line[t.move[t.element[k]]]), float(t.start[k]))
+class Certifier:
+    """The certificate of a motion that comes in parts; memory is bounded by the parts.
 
-    def group(n: int) -> tuple[Worst, ...]:
-        return tuple(place(*worst) for worst in zip(use[n], machine.axes, where[n], strict=True))
+    The machine rests before the first part and after the last one; in between, position, velocity
+    and acceleration go on without a jump.
 
-    return Certificate(
-        velocity=group(0),
-        acceleration=group(1),
-        jerk=group(2),
-        feed=place(feed.max(), "feed", int(feed.argmax())),
-        path=place(off.max(), "tolerance", min(farthest, len(t.element) - 1)),
-        deviation=float(deviation.max()),
-        velocity_jump=velocity_jump,
-        acceleration_jump=acceleration_jump,
-        position_jump=position_jump,
-        end_error=end_error,
-        dwell_error=reference.dwell_error(motion),
-        missed_rests=missed,
-    )
+    Parameters
+    ----------
+    machine : Machine
+    start : (6,) float
+        Where the motion begins [mm, degrees].
+    """
+
+    def __init__(self, machine: Machine, start: Floats) -> None:
+        self._machine = machine
+        self._limits = machine.limit_rows()
+        self._state = np.zeros((3, len(AXES)))  # at the end of the last part
+        self._state[0] = start
+        self._moves: Moves | None = None  # from the first one of the run in which that part ended
+        self._first = 0  # how many moves there were before
+        self._run = -1  # the last move of that run
+        self._corners = 0.0, 0.0  # tolerance before and after that run
+        self._waited = self._due = 0.0  # time at rest in it, and what is programmed [s]
+        self._time = 0.0
+        self._whole = _nothing(machine)
+
+    def add(self, moves: Moves) -> None:
+        """Say which moves follow."""
+        self._moves = moves if self._moves is None else self._moves.followed_by(moves)
+
+    def check(self, trajectory: Trajectory, override: Floats | float = 1.0) -> Certificate:
+        """Return the certificate of the next part; what it ends in the middle of, goes on later.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Its ``move`` counts from the first move of all; it has all elements of each move that it
+            has pieces of.
+        override : (k,) float or float
+            Of the feed, on each piece; moves that keep to the spindle have none.
+
+        Raises
+        ------
+        UsageError
+            If the trajectory has other axes than the moves, or moves that are not known yet.
+        """
+        if trajectory.axes != len(AXES):
+            raise UsageError(
+                f"certify needs positions of {AXES}, not {trajectory.axes} coordinates"
+            )
+        from pulsewright.motion import certificate_kernels as kernels  # compiled on first use
+
+        run = self._run
+        t, moves, corner = self._local(trajectory)
+        rows, velocity, acceleration = self._limits
+        columns = (t.poly, t.cosine, t.sine, t.omega, t.element, t.start, t.law)
+        limits = np.stack([velocity, acceleration, self._machine.jerk_limits()])
+        use, where = kernels.worst(*columns, rows, limits)
+        entry = self._state.copy()
+        jumps = kernels.jumps(*columns, self._state)
+        motion = _Pieces(t)
+        reference = _Reference(t, moves, corner)
+        free = moves.pitch[t.move[t.element]] == 0
+        feed = motion.fastest / (reference.feed[t.element] * np.where(free, override, 1.0))
+        deviation, allowed = reference.deviation()
+        off = deviation / allowed
+        farthest = int(np.searchsorted(t.element, off.argmax()))  # the first piece there
+        end_error, missed = reference.rests(motion)
+        if trajectory.move[0] > run >= 0 and corner <= 0:  # a rest between two parts
+            missed += bool(np.abs(entry[1]).max() > ROUNDING)
+
+        def place(use: float, what: str, k: int) -> Worst:
+            line = int(moves.line[t.move[t.element[k]]])
+            return Worst(float(use), what, line, self._time + float(t.start[k]))
+
+        def group(n: int) -> tuple[Worst, ...]:
+            axes = self._machine.axes
+            return tuple(place(*worst) for worst in zip(use[n], axes, where[n], strict=True))
+
+        part = Certificate(
+            velocity=group(0),
+            acceleration=group(1),
+            jerk=group(2),
+            feed=place(feed.max(), "feed", int(feed.argmax())),
+            path=place(off.max(), "tolerance", min(farthest, len(t.element) - 1)),
+            deviation=float(deviation.max()),
+            velocity_jump=float(jumps[1]),
+            acceleration_jump=float(jumps[2]),
+            position_jump=float(jumps[0]),
+            end_error=end_error,
+            dwell_error=self._dwell_error(t, moves, motion),
+            missed_rests=missed,
+        )
+        self._whole = _worse(self._whole, part)
+        self._time += t.duration
+        begin = int(reference.last[-2]) + 1 if len(reference.last) > 1 else 0
+        before = float(reference.corner[-2]) if begin else corner
+        self._corners = before, float(reference.corner[-1])
+        self._drop(begin)
+        return part
+
+    def finish(self) -> Certificate:
+        """Return the certificate of all parts, which end with the last move."""
+        moves = self._moves
+        if moves is None or not len(moves):
+            return self._whole
+        done = self._run + 1 - self._first
+        left = np.abs(moves.end[-1] - self._state[0]).max()
+        if (np.abs(moves.end - moves.starts()) > ROUNDING)[done:].any():
+            left = np.inf  # moves are missing
+        dwells = moves.kind == MoveKind.DWELL
+        undone = float(moves.dwell[done:][dwells[done:]].sum())
+        ending = replace(
+            _nothing(self._machine),
+            end_error=float(left),
+            velocity_jump=float(np.abs(self._state[1]).max()),
+            acceleration_jump=float(np.abs(self._state[2]).max()),
+            dwell_error=max(abs(self._waited - self._due), undone),
+        )
+        self._whole = _worse(self._whole, ending)
+        return self._whole
+
+    def _local(self, trajectory: Trajectory) -> tuple[Trajectory, Moves, float]:
+        """Return a part and the moves it stands for, both from its first run on.
+
+        The moves go on with those that do not move, which may demand a rest. Also return the
+        tolerance before them.
+        """
+        first, last = int(trajectory.move[0]), int(trajectory.move[-1])
+        known = self._first + (0 if self._moves is None else len(self._moves))
+        if self._moves is None or not self._first <= first or last >= known:
+            raise UsageError(
+                f"certify was given moves {self._first} to {known - 1}, and then a trajectory of "
+                f"{first} to {last}; add moves first, and check parts in order"
+            )
+        corner = self._corners[0]
+        if first > self._run >= 0:  # the run before has ended
+            self._drop(self._run + 1 - self._first)
+            corner = self._corners[1]
+        moves, stop = self._moves, last + 1 - self._first
+        while stop < len(moves) and moves.kind[stop] != MoveKind.ARC:
+            if (np.abs(moves.end[stop] - moves.end[stop - 1]) > STILL).any():
+                break
+            stop += 1
+        local = replace(trajectory, move=trajectory.move - self._first)
+        return local, moves.part(0, stop), corner
+
+    def _drop(self, count: int) -> None:
+        """Forget the first moves."""
+        if self._moves is not None:
+            self._moves = self._moves.part(count)
+        self._first += count
+
+    def _dwell_error(self, t: Trajectory, moves: Moves, motion: _Pieces) -> float:
+        """Return the largest difference between a programmed dwell and the time at rest [s].
+
+        A dwell at the end may go on in the next part.
+        """
+        rest = (motion.v0 == 0) & (motion.v1 == 0)
+        time = np.bincount(t.move[t.element[rest]], motion.time[rest], minlength=len(moves))
+        dwell = np.where(moves.kind == MoveKind.DWELL, moves.dwell, 0.0)
+        first, last = int(t.move[0]), int(t.move[-1])
+        error = 0.0
+        if first + self._first == self._run:
+            time[first] += self._waited
+        else:
+            error = abs(self._waited - self._due)
+        self._run = last + self._first
+        self._waited, self._due = float(time[last]), float(dwell[last])
+        return max(error, float(np.abs(time - dwell)[:last].max(initial=0.0)))
+
+
+def _worse(a: Certificate, b: Certificate) -> Certificate:
+    """Return the worst of two certificates of parts of a motion."""
+    worst: dict[str, Any] = {}
+    for field in fields(Certificate):
+        x, y = getattr(a, field.name), getattr(b, field.name)
+        if field.name == "missed_rests":
+            worst[field.name] = x + y
+        elif isinstance(x, tuple):
+            worst[field.name] = tuple(
+                q if not q.ratio <= p.ratio else p for p, q in zip(x, y, strict=True)
+            )
+        elif isinstance(x, Worst):
+            worst[field.name] = y if not y.ratio <= x.ratio else x
+        else:
+            worst[field.name] = y if not y <= x else x
+    return Certificate(**worst)
 
 
 def _nothing(machine: Machine) -> Certificate:
@@ -211,12 +367,13 @@ def _nothing(machine: Machine) -> Certificate:
 
 
 class _Pieces:
-    """Duration of each piece, path coordinate s at its start, and rates at both ends."""
+    """Duration of each piece, rates at both ends, and where all of them end."""
 
     def __init__(self, trajectory: Trajectory) -> None:
         law, time = trajectory.law, np.diff(trajectory.start)
         self.time = time
-        self.s0, self.v0 = law[:, 0], law[:, 1]
+        self.end = float(law[-1] @ time[-1] ** np.arange(4))
+        self.v0 = law[:, 1]
         self.v1 = self.v0 + (2 * law[:, 2] + 3 * law[:, 3] * time) * time
         with np.errstate(divide="ignore", invalid="ignore"):
             turn = np.nan_to_num(np.clip(-law[:, 2] / (3 * law[:, 3]), 0, time))
@@ -240,8 +397,8 @@ class _Reference:
     Geometry is that of a trajectory's elements, of degree 1.
     """
 
-    def __init__(self, trajectory: Trajectory, moves: Moves) -> None:
-        self.trajectory, self.moves = trajectory, moves
+    def __init__(self, trajectory: Trajectory, moves: Moves, corner: float) -> None:
+        self.trajectory, self.moves, self.before = trajectory, moves, corner
         self.last, self.run = np.unique(trajectory.move, return_inverse=True)
         first = np.append(0, self.last[:-1] + 1)
         self.start, self.end = moves.starts()[first], moves.end[self.last]
@@ -334,7 +491,7 @@ class _Reference:
         bound = _hull(apart, length)
         rest = _norm(cosine) + _norm(sine) + skew + self.chord[run]
         # a blend at either end of the run, or the chord
-        allowed = np.maximum(self.corner, np.append(0.0, self.corner[:-1]))
+        allowed = np.maximum(self.corner, np.append(self.before, self.corner[:-1]))
         allowed = np.maximum(allowed, np.where(np.isinf(self.inner), 0.0, self.inner))
         allowed = np.maximum(allowed[run], ROUNDING)
         coarse = np.flatnonzero(bound + rest > allowed)  # control points lie outside of curves
@@ -345,26 +502,16 @@ class _Reference:
         """Return the largest error of position at rest, and the number of rests not made."""
         t = self.trajectory
         final = np.append(np.flatnonzero(np.diff(t.element)), len(t.element) - 1)
-        still = np.zeros(len(t.length), bool)
+        done, still = np.zeros(len(t.length), bool), np.zeros(len(t.length), bool)
         still[t.element[final]] = motion.v1[final] <= ROUNDING
+        done[t.element[final[:-1]]] = True  # the last one may go on in the next part
+        done[t.element[-1]] = still[t.element[-1]] and motion.end >= t.length[t.element[-1]] - STILL
         closing = np.append(np.flatnonzero(np.diff(self.run)), len(self.run) - 1)
         x = _place(t, closing.astype(np.int32), t.length[closing])
-        kept = still[closing]
-        demanded = self.corner <= 0
-        demanded[-1] = True
-        error = _norm(x - self.end)[kept & demanded].max(initial=0.0)
-        error = max(error, float(_norm(x[-1:] - self.moves.end[-1:])[0]))
-        begin = _place(t, t.element[:1], motion.s0[:1])
-        error = max(error, float(_norm(begin - self.moves.start)[0]))
+        demanded = (self.corner <= 0) & done[closing]
+        kept = still[closing] & demanded
+        error = _norm(x - self.end)[kept].max(initial=0.0)
         return float(error), int((demanded & ~kept).sum())
-
-    def dwell_error(self, motion: _Pieces) -> float:
-        """Return the largest difference between a programmed dwell and the time at rest [s]."""
-        rest = (motion.v0 == 0) & (motion.v1 == 0)
-        move = self.trajectory.move[self.trajectory.element[rest]]
-        time = np.bincount(move, motion.time[rest], minlength=len(self.moves))
-        dwell = np.where(self.moves.kind == MoveKind.DWELL, self.moves.dwell, 0.0)
-        return float(np.abs(time - dwell).max())
 
 
 def _norm(v: Floats) -> Floats:

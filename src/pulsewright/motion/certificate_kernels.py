@@ -186,30 +186,22 @@ def jumps(
     element: NDArray[np.int32],
     start: Floats,
     law: Floats,
+    before: Floats,
 ) -> Floats:
     """Return the largest jumps of position, velocity and acceleration between pieces, (3,).
 
-    Before the first and after the last piece the machine rests.
+    ``before`` (3, axes) has these before the first piece, and then those after the last one.
     """
     axes = poly.shape[2]
-    largest, before, after = np.zeros(3), np.zeros((3, axes)), np.zeros((3, axes))
-    for k in range(element.size + 1):
-        if k < element.size:
-            _state(poly, cosine, sine, omega, element[k], law[k], 0.0, after)
-        else:
-            after[1:] = 0.0
-        if k == 0:
-            before[0] = after[0]
-        elif k == element.size:
-            after[0] = before[0]
+    largest, after = np.zeros(3), np.zeros((3, axes))
+    for k in range(element.size):
+        _state(poly, cosine, sine, omega, element[k], law[k], 0.0, after)
         for q in range(3):
             for axis in range(axes):
                 jump = abs(after[q, axis] - before[q, axis])
                 if not jump <= largest[q]:
                     largest[q] = jump
-        if k < element.size:
-            time = start[k + 1] - start[k]
-            _state(poly, cosine, sine, omega, element[k], law[k], time, before)
+        _state(poly, cosine, sine, omega, element[k], law[k], start[k + 1] - start[k], before)
     return largest
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +96,19 @@ class Moves:
     def starts(self) -> NDArray[np.float64]:
         """Return the position before each move, shape (n, 6)."""
         return np.concatenate([self.start[None], self.end[:-1]])[: len(self)]
+
+    def part(self, begin: int, end: int | None = None) -> Moves:
+        """Return the moves from ``begin`` to before ``end``."""
+        start = self.end[begin - 1] if begin else self.start
+        return Moves(start, *(column[begin:end] for column in self._columns()))
+
+    def followed_by(self, more: Moves) -> Moves:
+        """Return these moves and then ``more``, which begin where these end."""
+        pairs = zip(self._columns(), more._columns(), strict=True)
+        return Moves(self.start, *(np.concatenate(pair) for pair in pairs))
+
+    def _columns(self) -> list[NDArray[Any]]:
+        return [getattr(self, column.name) for column in fields(self)[1:]]
 
 
 @dataclass(frozen=True)

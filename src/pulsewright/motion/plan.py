@@ -51,8 +51,8 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
 
     machine.check_travel(moves)
     elements, limits = blended_path(moves, machine)
-    grid = plan_kernels.cells(elements, limits)
-    b, a, split, _ = plan_kernels.speeds(grid)
+    grid = plan_kernels.cells(elements, limits, 0.0)
+    b, a, split, _ = plan_kernels.speeds(grid, 0.0, 0.0)
     cells = grid.element, grid.offset, grid.size
     del grid  # most of the memory
     return Trajectory(*elements[:6], *plan_kernels.law(elements, *cells, b, a, split))
@@ -62,8 +62,15 @@ def blended_path(moves: Moves, machine: Machine) -> tuple[Elements, Limits]:
     """Return the path with blends, and the limits that hold on it."""
     from pulsewright.motion import path
 
-    limits = path.Limits(*_limits(machine, moves))
-    segments = _segments(moves, limits)
+    found = window(moves, machine)
+    if found is None:  # nothing moves: one rest of no time
+        nowhere, zero, never = np.zeros((1, 6)), np.zeros(1), np.zeros(1, np.int32)
+        poly = np.stack([moves.start[None], nowhere, nowhere, nowhere], axis=1)
+        rest = path.Elements(
+            *(poly, nowhere, nowhere, zero, zero, never, zero, zero, np.ones(1, np.bool_))
+        )
+        return rest, path.Limits(*_limits(machine, moves))
+    segments, limits, _ = found
     return path.elements(segments, *path.blends(segments, limits)), limits
 
 
@@ -77,38 +84,36 @@ def _limits(machine: Machine, moves: Moves) -> tuple[NDArray[np.float64], ...]:
     return rows[used], *(limit[used] * (1 - MARGIN) for limit in limits)
 
 
-def _segments(moves: Moves, limits: Limits) -> Segments:
-    """Return the segments of the path, after chords have replaced runs of short ones."""
+def window(moves: Moves, machine: Machine) -> tuple[Segments, Limits, NDArray[np.int64]] | None:
+    """Return the segments of the path, limits on it, and the moves that do something.
+
+    Chords have replaced runs of short segments. None if nothing moves.
+    """
     from pulsewright.motion import path
 
+    limits = path.Limits(*_limits(machine, moves))
     kept, tolerance = path.kept_moves(
         moves.start, moves.kind, moves.end, moves.sweep, moves.dwell, moves.tolerance
     )
-    if len(kept):
-        columns = (
-            moves.start,
-            moves.kind,
-            moves.plane,
-            moves.end,
-            moves.center,
-            moves.sweep,
-            np.where(moves.rapid, np.inf, moves.feed * (1 - MARGIN)),
-            moves.dwell,
-        )
-        segments = path.traced(*columns, kept, tolerance, limits)
-        feeds = ~moves.rapid & (moves.pitch == 0)
-        collapse = np.where(feeds, moves.collapse, 0.0)
-        last, tolerance = path.merged(segments, collapse[kept], limits)
-        if len(last) < len(kept):
-            segments = path.traced(*columns, kept[last], tolerance, limits)
-    else:  # nothing moves: one rest of no time
-        nowhere, zero = np.zeros((1, 6)), np.zeros(1)
-        segments = path.Segments(
-            np.stack([moves.start[None], nowhere], axis=1),
-            *(nowhere, nowhere, zero, zero, np.zeros(1, np.int64)),
-            *(zero, zero, zero, zero, zero),
-        )
-    return segments
+    if not len(kept):
+        return None
+    columns = (
+        moves.start,
+        moves.kind,
+        moves.plane,
+        moves.end,
+        moves.center,
+        moves.sweep,
+        np.where(moves.rapid, np.inf, moves.feed * (1 - MARGIN)),
+        moves.dwell,
+    )
+    segments = path.traced(*columns, kept, tolerance, limits)
+    feeds = ~moves.rapid & (moves.pitch == 0)
+    collapse = np.where(feeds, moves.collapse, 0.0)
+    last, tolerance = path.merged(segments, collapse[kept], limits)
+    if len(last) < len(kept):
+        segments = path.traced(*columns, kept[last], tolerance, limits)
+    return segments, limits, kept
 
 
 def begin_times(trajectory: Trajectory, count: int) -> NDArray[np.float64]:

@@ -212,8 +212,11 @@ def _cut(
 
 
 @compiled(error_model="numpy")
-def cells(path: Elements, limits: Limits) -> Cells:
-    """Cut the path into cells: fine where the speed may change, coarse elsewhere."""
+def cells(path: Elements, limits: Limits, square: float) -> Cells:
+    """Cut the path into cells: fine where the speed may change, coarse elsewhere.
+
+    ``square`` is that of the speed at the start.
+    """
     m, rows = path.length.size, limits.velocity.size
     share = np.zeros((m + m // 2 + 64, rows, 6))  # of whole elements first
     cap, ramp = np.zeros(m), np.zeros(m)
@@ -222,6 +225,7 @@ def cells(path: Elements, limits: Limits) -> Cells:
         delay = max(delay, limits.acceleration[r] / limits.jerk[r])
     # second-order speeds at the ends of elements, roughly
     speed = np.zeros(m + 1)
+    speed[0] = square
     for e in range(m):
         if path.length[e] == 0.0:
             continue
@@ -556,15 +560,16 @@ def _holds(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> bool:
 
 
 @compiled(error_model="numpy")
-def speeds(
-    grid: Cells,
-) -> tuple[Floats, Floats, Floats, Ints]:
+def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Floats, Ints]:
     """Return ``b`` and ``a`` at the nodes, (n + 1,), splits of cells, and what was repaired.
 
     From rest to rest: the second-order optimum, then what the jerk takes from it, see `_climb` and
     `_round_peaks`. Where the law of a cell breaks a limit, one law is led over more cells, see
     `_bridged`. If that does not help, limits are tightened there and the speeds around it are
     planned again; a run that does not come to an end is slowed down as a whole.
+
+    ``square`` and ``slope`` are b and a at the first node, 0 at rest. What begins in motion cannot
+    be slowed down as a whole; where that would be needed, the last number of repairs is negative.
     """
     n = grid.size.size
     b, a = np.zeros(n + 1), np.zeros(n + 1)
@@ -577,6 +582,7 @@ def speeds(
     for c in range(n):
         if grid.size[c] > 0.0:
             task.cap[c] = _cap(grid.share[grid.row[c]], grid.feed[c])
+    b[0], a[0] = square, slope
     first = 0
     while first < n:
         last = first
@@ -610,6 +616,9 @@ def speeds(
                     bridge = not short or trial > GENTLE
                     left += _check(task, b, a, low, high, broken, trial, bridge)
                     c = high
+            if left > 0 and b[first] > 0.0:
+                repaired[2] = -1
+                break
             if left > 0:
                 repaired[2] += 1
                 _slow_down(task, b, a, first, last)

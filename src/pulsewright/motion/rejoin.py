@@ -48,7 +48,9 @@ class Rejoined(Trajectory):
 
     def mapped(self, matrix: Floats) -> Rejoined:
         """Return the same motion in other coordinates."""
-        return replace(super().mapped(matrix), plan=self.plan.mapped(matrix))
+        mapped = super().mapped(matrix)
+        assert isinstance(mapped, Rejoined)
+        return replace(mapped, plan=self.plan.mapped(matrix))
 
 
 def rejoin(

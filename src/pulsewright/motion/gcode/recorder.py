@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,6 +18,7 @@ from pulsewright.motion.gcode.offsets import Frame
 from pulsewright.motion.moves import AXES, Event, MoveKind, Moves, Plane, Program
 from pulsewright.units import MINUTE
 
+MANY: Final = 1 << 14  # moves that are kept before they are taken
 _EVENT_OF_SWITCH: Final = {"MIST": "mist", "FLOOD": "flood"}
 _NOWHERE: Final = (np.nan,) * len(AXES)  # a dwell stays where the move before it ended
 
@@ -37,14 +39,24 @@ class Recorder:
         How far the path may pass from a corner where the program gives no tolerance [mm].
     exact_tolerance : float
         How far in G61 [mm].
+    take : callable, optional
+        Gets moves as soon as there are many that stay as they are; `program` has the others.
     """
 
     def __init__(
-        self, start: Sequence[float], path_tolerance: float = 0.05, exact_tolerance: float = 0.001
+        self,
+        start: Sequence[float],
+        path_tolerance: float = 0.05,
+        exact_tolerance: float = 0.001,
+        take: Callable[[Moves], None] | None = None,
     ) -> None:
         self.line = 0
         self.number = ""
-        self._start = [float(v) for v in start]
+        self._start = np.array([float(v) for v in start])  # where the first move begins,
+        self._before = self._start  # and where the first of all that do something or not
+        self._given = 0  # how many moves were taken
+        self._give = take
+        self._most = sys.maxsize if take is None else MANY
         self._path_tolerance, self._exact_tolerance = path_tolerance, exact_tolerance
         self._lines = array("i")
         self._ends = array("d")
@@ -60,6 +72,7 @@ class Recorder:
         self._arcs: list[tuple[int, c.ArcFeed]] = []
         self._dwells: list[tuple[int, float]] = []
         self._events: list[Event] = []
+        self._past: list[Event] = []  # those of moves that are forgotten
         self._frame = Frame()
         self._feed = 0.0
         self._rate = c.SetFeedRate(0.0, 1.0)
@@ -110,6 +123,8 @@ class Recorder:
         take = self._take.get(type(call))
         if take is not None:
             take(call)
+            if len(self._lines) > self._most:
+                self._hand_over()
 
     # Motion
 
@@ -120,6 +135,8 @@ class Recorder:
         self._lines.frombytes(lines.tobytes())
         self._ends.frombytes(ends.tobytes())
         self._feeds.frombytes(feeds.tobytes())
+        if len(self._lines) > self._most:
+            self._hand_over()
 
     def _straight_traverse(self, call: c.StraightTraverse) -> None:
         self._lines.append(self.line)
@@ -246,15 +263,44 @@ class Recorder:
     # All of it
 
     def program(self, path: str) -> Program:
-        """Return all of it; the last move ends at rest."""
+        """Return all of it but what was taken; the last move ends at rest."""
         self._stop()
-        n = len(self._lines)
+        return Program(path, self._first(len(self._lines)), tuple(self._past))
+
+    def _hand_over(self) -> None:
+        """Give away all but the last move, whose end may still become a rest."""
+        moving = np.flatnonzero(self._kept()[2])
+        if self._give is None or len(moving) < 2:
+            return
+        try:
+            moves = self._first(int(moving[-1]))
+        except Fault:  # `program` raises it again, and its line is known then
+            self._most = sys.maxsize
+        else:
+            self._give(moves)
+
+    def _kept(self) -> tuple[NDArray[np.float64], NDArray[np.int8], NDArray[np.bool_]]:
+        """Return ends in machine coordinates, kinds, and which moves do something."""
         end = self._machine_ends()
-        kind = np.full(n, MoveKind.LINE, np.int8)
+        kind = np.full(len(end), MoveKind.LINE, np.int8)
+        for i, _ in self._arcs:
+            kind[i] = MoveKind.ARC
+        for i, _ in self._dwells:
+            kind[i] = MoveKind.DWELL
+        moved = np.diff(end, axis=0, prepend=self._before[None])
+        keep = (_norm(moved[:, :3]) > RESOLUTION) | (_norm(moved[:, 3:]) > RESOLUTION)
+        return end, kind, keep | (kind != MoveKind.LINE)
+
+    def _first(self, n: int) -> Moves:
+        """Return the first of the moves, and forget them."""
+        end, kind, keep = self._kept()
+        end, kind, keep = end[:n], kind[:n], keep[:n]
         plane = np.full(n, Plane.XY, np.int8)
         center, sweep, dwell = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
         for i, arc in self._arcs:
-            kind[i], plane[i], sweep[i] = MoveKind.ARC, arc.plane, arc.sweep
+            if i >= n:
+                break
+            plane[i], sweep[i] = arc.plane, arc.sweep
             point = list(arc.end)
             for axis, value in zip(arc.plane.axes, arc.center, strict=True):
                 point[axis] = value
@@ -262,29 +308,28 @@ class Recorder:
             for axis in arc.plane.axes:
                 center[i, axis] = machine[axis]
         for i, seconds in self._dwells:
-            kind[i], dwell[i] = MoveKind.DWELL, seconds
-        feed = np.array(self._feeds)
-        moved = np.diff(end, axis=0, prepend=np.array(self._start)[None])
-        straight = _norm(moved[:, :3]) > RESOLUTION
-        turned = _norm(moved[:, 3:]) > RESOLUTION
-        keep = straight | turned | (kind != MoveKind.LINE)
+            if i < n:
+                dwell[i] = seconds
+        line, feed = np.array(self._lines[:n], np.int32), np.array(self._feeds[:n])
         # A feed is in degrees per minute where rotary axes alone move.
-        rotary = ~straight & (kind == MoveKind.LINE)
+        moved = np.diff(end[:, :3], axis=0, prepend=self._before[None, :3])
+        rotary = (_norm(moved) <= RESOLUTION) & (kind == MoveKind.LINE)
         feed[rotary] /= _spread(self._feed_scales, n)[rotary]
         if (stuck := keep & (feed <= 0) & (kind != MoveKind.DWELL)).any():
-            self.line = int(np.array(self._lines)[stuck][0])
+            self.line = int(line[stuck][0])
             raise Fault(
                 "feed per revolution or motion tied to the spindle, but its speed is 0; set S first"
             )
         kept = np.concatenate([[0], np.cumsum(keep)])  # of the first i moves
         tolerance = _spread(self._tolerances, n)[keep]
-        tolerance[np.unique(kept[self._stops])[1 if kept[self._stops[0]] == 0 else 0 :] - 1] = 0.0
+        stops = np.unique(kept[[i for i in self._stops if i <= n]])
+        tolerance[stops[stops > 0] - 1] = 0.0
         moves = Moves(
-            start=np.array(self._start, dtype=np.float64),
+            start=self._start,
             kind=kind[keep],
             plane=plane[keep],
             rapid=np.isinf(feed[keep]),
-            line=np.array(self._lines, dtype=np.int32)[keep],
+            line=line[keep],
             end=end[keep],
             center=center[keep],
             sweep=sweep[keep],
@@ -294,8 +339,31 @@ class Recorder:
             collapse=_spread(self._collapses, n)[keep],
             pitch=_spread(self._pitches, n)[keep],
         )
-        events = tuple(replace(event, at=int(kept[event.at])) for event in self._events)
-        return Program(path, moves, events)
+        self._past += [
+            replace(event, at=self._given + int(kept[event.at]))
+            for event in self._events
+            if event.at <= n
+        ]
+        if n:
+            self._before = end[-1].copy()
+        if len(moves):
+            self._start = moves.end[-1].copy()
+        self._given += len(moves)
+        self._forget(n)
+        return moves
+
+    def _forget(self, n: int) -> None:
+        """Forget the first moves, and what is for them alone."""
+        del self._lines[:n], self._ends[: n * len(AXES)], self._feeds[:n]
+        self._frames = _from(self._frames, n)
+        self._feed_scales = _from(self._feed_scales, n)
+        self._tolerances = _from(self._tolerances, n)
+        self._collapses = _from(self._collapses, n)
+        self._pitches = _from(self._pitches, n)
+        self._arcs = [(i - n, arc) for i, arc in self._arcs if i >= n]
+        self._dwells = [(i - n, seconds) for i, seconds in self._dwells if i >= n]
+        self._stops = [i - n for i in self._stops if i > n]
+        self._events = [replace(event, at=event.at - n) for event in self._events if event.at > n]
 
     def _machine_ends(self) -> NDArray[np.float64]:
         """Return the end of every move in machine coordinates, shape (n, 6)."""
@@ -307,7 +375,7 @@ class Recorder:
                 columns = frame.to_machine(ends[first:last].T)  # type: ignore[arg-type]
                 ends[first:last] = np.array(columns).T
         for i, _ in self._dwells:
-            ends[i] = ends[i - 1] if i else self._start
+            ends[i] = ends[i - 1] if i else self._before
         return ends
 
 
@@ -321,7 +389,12 @@ def _at(changes: Sequence[tuple[int, T]], i: int) -> T:
     return next(value for first, value in reversed(changes) if first <= i)
 
 
+def _from(changes: Sequence[tuple[int, T]], n: int) -> list[tuple[int, T]]:
+    """Return changes as they are when the first ``n`` moves are forgotten."""
+    return [(0, _at(changes, n)), *((first - n, value) for first, value in changes if first > n)]
+
+
 def _spread(changes: Sequence[tuple[int, float]], n: int) -> NDArray[np.float64]:
     """Return a value for each move from values and the moves from which on they hold."""
-    first, value = zip(*changes, strict=True)
+    first, value = zip(*(change for change in changes if change[0] <= n), strict=True)
     return np.repeat(np.array(value, dtype=np.float64), np.diff([*first, n]))

@@ -13,7 +13,7 @@ from pulsewright.motion.gcode.printer import Printer
 from pulsewright.motion.gcode.recorder import Recorder
 from pulsewright.motion.gcode.settings import InterpreterSettings
 from pulsewright.motion.gcode.source import Source
-from pulsewright.motion.moves import AXES, Program
+from pulsewright.motion.moves import AXES, Moves, Program
 from pulsewright.units import INCH
 
 BULK_LINES = 500  #: lines from which on the compiled reader pays
@@ -22,8 +22,21 @@ BULK_LINES = 500  #: lines from which on the compiled reader pays
 STAND_ALONE = InterpreterSettings(axes=AXES, unit=INCH)
 
 
-def interpret(path: str | Path, *, settings: InterpreterSettings | None = None) -> Program:
+def interpret(
+    path: str | Path,
+    *,
+    settings: InterpreterSettings | None = None,
+    take: Callable[[Moves], None] | None = None,
+) -> Program:
     """Interpret a program file.
+
+    Parameters
+    ----------
+    path : str or Path
+    settings : InterpreterSettings, optional
+    take : callable, optional
+        Gets the moves of a long program while it is read, some thousands at a time; the result has
+        those that are left, and all events. Less memory than all of them at once.
 
     Raises
     ------
@@ -36,7 +49,7 @@ def interpret(path: str | Path, *, settings: InterpreterSettings | None = None) 
     >>> program = interpret("examples/rosette.ngc")
     >>> len(program.moves), program.moves.end[-1]
     """
-    return _record(Source.from_file(path), settings or InterpreterSettings())
+    return _record(Source.from_file(path), settings or InterpreterSettings(), take)
 
 
 def interpret_text(
@@ -89,8 +102,13 @@ def canonical(
     return interpreter
 
 
-def _record(source: Source, settings: InterpreterSettings) -> Program:
-    recorder = Recorder(settings.start, settings.path_tolerance, settings.exact_tolerance)
+def _record(
+    source: Source,
+    settings: InterpreterSettings,
+    take: Callable[[Moves], None] | None = None,
+) -> Program:
+    tolerances = settings.path_tolerance, settings.exact_tolerance
+    recorder = Recorder(settings.start, *tolerances, take)
     interpreter = Interpreter(settings, recorder)
     bulk = None
     if source.count >= BULK_LINES:

@@ -48,7 +48,7 @@ def print_canonical(
     """
     settings = STAND_ALONE
     if machine is not None:
-        from pulsewright.app.run import interpreter_settings
+        from pulsewright.app.planning import interpreter_settings
         from pulsewright.motion.machine import Machine
 
         settings = interpreter_settings(Machine.load(machine))

@@ -124,12 +124,12 @@ def plan(
             save=save,
         )
         return
-    from pulsewright.app import run as job_module
+    from pulsewright.app.planning import plan_file
     from pulsewright.app.progress import progress
 
     with progress() as report_progress:
-        job = job_module.Job.from_gcode(file, machine=machine, progress=report_progress)
-    _show(job, as_json)
+        outline = plan_file(file, machine=machine, progress=report_progress)
+    _show(outline, as_json)
 
 
 @app.command()

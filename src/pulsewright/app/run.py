@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from pulsewright import boards
+from pulsewright.app.planning import Clock, Outline, clock_time, interpreter_settings
 from pulsewright.app.progress import Progress, silent
 from pulsewright.boards.playing import Drives
 from pulsewright.edges.path import numbered_pins
@@ -22,13 +22,13 @@ from pulsewright.edges.writer import TraceWriter
 from pulsewright.errors import CheckFailedError, MachineError, UsageError
 from pulsewright.files import replacing
 from pulsewright.motion.certificate import Certificate, certify
-from pulsewright.motion.gcode import InterpreterSettings, interpret
-from pulsewright.motion.machine import WORK_OFFSETS, Machine
+from pulsewright.motion.gcode import interpret
+from pulsewright.motion.machine import Machine
 from pulsewright.motion.plan import begin_times
 from pulsewright.motion.plan import plan as plan_moves
 from pulsewright.units import MICROSECOND
 from pulsewright.verify import Tolerances, Verifier
-from pulsewright.verify.verdict import Verdict, plain
+from pulsewright.verify.verdict import Verdict
 
 if TYPE_CHECKING:
     from pulsewright.motion.moves import Program
@@ -37,39 +37,6 @@ if TYPE_CHECKING:
 TRACE: Final = "trace.npz"
 CERTIFICATE: Final = "certificate.json"
 CHUNK: Final = 5.0  # machine time handled at once [s]: bounds the memory of a job of any length
-
-
-@dataclass
-class Clock:
-    """CPU time of the process by stage [s]."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def total(self) -> float:
-        """CPU time of all stages [s]."""
-        return sum(self.seconds.values())
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Add the CPU time of a ``with`` block to stage ``name``."""
-        start = time.process_time()
-        try:
-            yield
-        finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.process_time() - start
-
-
-def interpreter_settings(machine: Machine) -> InterpreterSettings:
-    """Return what a program takes from the machine."""
-    return InterpreterSettings(
-        axes=machine.axes,
-        start=machine.start_position().tolist(),
-        work_offsets={name: machine.offset(name).tolist() for name in WORK_OFFSETS},
-        tools={number: tool.length for number, tool in machine.tools.items()} or None,
-        path_tolerance=machine.path.tolerance or machine.exact_tolerance,
-        exact_tolerance=machine.exact_tolerance,
-    )
 
 
 @dataclass(frozen=True)
@@ -245,25 +212,25 @@ class Job:
 
     def summary(self) -> dict[str, Any]:
         """Return what is known before running, in plain types."""
-        moves = self.program.moves
-        return {
-            "program": self.program.path,
-            "machine": self.machine.name,
-            "moves": len(moves),
-            "duration": self.duration,
-            "elements": len(self.trajectory.length),
-            "pieces": len(self.trajectory.element),
-            "certificate": plain(asdict(self.certificate)),
-            "messages": [event.text for event in self.program.events if event.kind == "message"],
-            "cpu_seconds": dict(self.clock.seconds),
-        }
+        return self._outline.summary()
 
     def text(self) -> str:
         """Return the summary for people."""
-        moves = self.program.moves
-        return (
-            f"{self.program.path}: {len(moves)} moves on '{self.machine.name}', "
-            f"{_clock_time(self.duration)} of machine time\n{self.certificate.text()}"
+        return self._outline.text()
+
+    @property
+    def _outline(self) -> Outline:
+        trajectory, events = self.trajectory, self.program.events
+        return Outline(
+            program=self.program.path,
+            machine=self.machine.name,
+            moves=len(self.program.moves),
+            duration=self.duration,
+            elements=len(trajectory.length),
+            pieces=len(trajectory.element),
+            certificate=self.certificate,
+            messages=tuple(event.text for event in events if event.kind == "message"),
+            clock=self.clock,
         )
 
     @property
@@ -348,7 +315,7 @@ class Result:
         verdict = self.verdict
         lines = [
             f"{self.job.program.path} on {self.board} ({self.profile}): "
-            f"{_clock_time(self.job.duration)} of machine time, {verdict.steps} steps, "
+            f"{clock_time(self.job.duration)} of machine time, {verdict.steps} steps, "
             f"{self.job.clock.total:.1f} s of CPU"
         ]
         for check in verdict.checks:
@@ -487,10 +454,3 @@ def _trace_file(folder: Path | None, first: EdgeTrace) -> Iterator[Callable[[Edg
     ) as writer:
         writer.append(first)
         yield writer.append
-
-
-def _clock_time(seconds: float) -> str:
-    """Return a time for people: 1:02:03.4."""
-    minutes, rest = divmod(seconds, 60)
-    hours, minutes = divmod(int(minutes), 60)
-    return f"{hours}:{minutes:02}:{rest:04.1f}"

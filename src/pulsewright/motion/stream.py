@@ -32,7 +32,7 @@ from pulsewright.motion.trajectory import Trajectory
 if TYPE_CHECKING:
     from pulsewright.motion.path import Elements
 
-WINDOW: Final = 1 << 14  # moves that are planned at once
+WINDOW: Final = 1 << 12  # moves that are planned at once
 UNSURE: Final = 68  # moves at the end, whose chords may change with those that follow
 RUNS: Final = 3  # and chords, whose blends may
 LOOK_AHEAD: Final = 2.0  # of the time for stopping: from there on, the end is not felt

@@ -259,11 +259,11 @@ def test_a_held_machine_goes_on_with_the_new_override():
     assert after.at(0.5 * after.duration, 1)[0, 0] == pytest.approx(40, rel=1e-3)
 
 
-@pytest.mark.parametrize("seed", range(25))
-def test_limits_hold_whatever_is_done_when(seed):
-    moves, rng = random_program(seed), np.random.default_rng(seed)
+def at_random(moves, seed, machine=WIDE, longest=10.0):
+    """Return the parts of a motion that is held, resumed and overridden at random times."""
+    rng = np.random.default_rng(seed)
     queue, parts = chunks(moves, int(rng.integers(1, len(moves) + 1))), []
-    planner, waiting = Planner(WIDE), 0
+    planner, waiting = Planner(machine), 0
     while waiting < 2:
         choice = rng.random()
         if queue and choice < 0.3:
@@ -272,15 +272,68 @@ def test_limits_hold_whatever_is_done_when(seed):
             planner.finish()
         if choice < 0.1:
             planner.hold()
-        elif choice < 0.3 or planner.at_rest:
+        elif choice < 0.3 or (planner.at_rest and choice < 0.9):
             planner.resume()
         elif choice < 0.5:
             planner.override(float(rng.choice([0.1, 0.3, 0.5, 0.9, 1, 1.2, 2])))
-        part = planner.take(float(10 ** rng.uniform(-3, 1)))
+        part = planner.take(longest * float(10 ** rng.uniform(-4, 0)))
         if part is not None:
             parts.append(part)
         waiting = waiting + 1 if part is None and not queue and not planner.held else 0
-    check_path(certified(parts, moves), plan(moves, WIDE)) if parts else None
+    return parts
+
+
+def check_at_random(seed):
+    moves = random_program(seed)
+    parts = at_random(moves, seed)
+    if parts:
+        check_path(certified(parts, moves), plan(moves, WIDE))
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_limits_hold_whatever_is_done_when(seed):
+    check_at_random(seed)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("first", range(1000, 3000, 100))
+def test_limits_hold_whatever_is_done_when_campaign(first):
+    for seed in range(first, first + 100):
+        check_at_random(seed)
+
+
+@pytest.mark.parametrize("name", ["vcarve.ngc", "wheels.ngc"])
+def test_limits_hold_on_real_programs_whatever_is_done_when(corpus, name):
+    check_corpus_at_random(corpus / name)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(
+    "name",
+    [
+        "3D_Chips.ngc",
+        "arcspiral.ngc",
+        "cds.ngc",
+        "contour.ngc",
+        "flowsnake.ngc",
+        "spiral.ngc",
+        "tort.ngc",
+        "trochoidal.ngc",
+        "wave.gcode",
+        "zigzag_0.002_0.001.ngc",
+    ],
+)
+def test_limits_hold_on_real_programs_whatever_is_done_when_campaign(corpus, name):
+    check_corpus_at_random(corpus / name)
+
+
+def check_corpus_at_random(path):
+    settings = InterpreterSettings(axes="XYZA", path_tolerance=0.01)
+    moves = interpret(path, settings=settings).moves
+    whole = plan(moves, MACHINE)
+    parts = at_random(moves, 1, MACHINE, longest=whole.duration / 10)
+    assert len(parts) > 20
+    check_path(certified(parts, moves, MACHINE), whole)
 
 
 def test_what_cannot_be_done_is_said():

@@ -485,8 +485,10 @@ class _Reference:
         apart = [poly[:, n] for n in range(4)]
         apart[0] = apart[0] - self.base[run] - self.along[run] * cut
         apart[1] = apart[1] - self.along[run]
-        cosine = t.cosine[chunk] - np.where(w > 0, self.cosine[run] * cos + self.sine[run] * sin, 0)
-        sine = t.sine[chunk] - np.where(w > 0, self.sine[run] * cos - self.cosine[run] * sin, 0)
+        cosine, sine = t.cosine[chunk], t.sine[chunk]
+        if w.any():
+            cosine = cosine - np.where(w > 0, self.cosine[run] * cos + self.sine[run] * sin, 0)
+            sine = sine - np.where(w > 0, self.sine[run] * cos - self.cosine[run] * sin, 0)
         skew = np.abs(t.omega[chunk] - self.omega[run]) * length * _norm(t.cosine[chunk])
         bound = _hull(apart, length)
         rest = _norm(cosine) + _norm(sine) + skew + self.chord[run]
@@ -537,6 +539,6 @@ def _hull_of_parts(c: list[Floats], size: Floats) -> Floats:
 
 def _hull(c: list[Floats], size: Floats) -> Floats:
     """Bound the length of cubics over 0..size by their control points."""
-    a, b, d = c[1] * size[:, None], c[2] * size[:, None] ** 2, c[3] * size[:, None] ** 3
-    points = [c[0], c[0] + a / 3, c[0] + 2 * a / 3 + b / 3, c[0] + a + b + d]
-    return np.asarray(np.max([_norm(point) for point in points], axis=0))
+    from pulsewright.motion import certificate_kernels as kernels
+
+    return np.asarray(kernels.hull(c[0], c[1], c[2], c[3], size))

@@ -221,7 +221,9 @@ def _state(
     v = law[1] + (2.0 * law[2] + 3.0 * law[3] * t) * t
     a = 2.0 * law[2] + 6.0 * law[3] * t
     w = omega[e]
-    cos, sin = math.cos(w * s), math.sin(w * s)
+    cos, sin = 1.0, 0.0
+    if w != 0.0:
+        cos, sin = math.cos(w * s), math.sin(w * s)
     for axis in range(poly.shape[2]):
         p1, p2, p3 = poly[e, 1, axis], poly[e, 2, axis], poly[e, 3, axis]
         c, d = cosine[e, axis], sine[e, axis]
@@ -230,3 +232,29 @@ def _state(
         out[0, axis] = poly[e, 0, axis] + (p1 + (p2 + p3 * s) * s) * s + c * cos + d * sin
         out[1, axis] = first * v
         out[2, axis] = second * v * v + first * a
+
+
+@compiled(error_model="numpy")
+def hull(a: Floats, b: Floats, c: Floats, d: Floats, size: Floats) -> Floats:
+    """Return bounds of the lengths of ``a + b s + c s^2 + d s^3`` for s in 0..size, (m,).
+
+    Each is the largest of the lengths of control points, all (m, 6); of X, Y, Z or of A, B, C.
+    """
+    bound = np.empty(size.size)
+    for e in range(size.size):
+        h = size[e]
+        largest = 0.0
+        for part in range(2):
+            q0, q1, q2, q3 = 0.0, 0.0, 0.0, 0.0
+            for axis in range(3 * part, 3 * part + 3):
+                first, second = a[e, axis], b[e, axis] * h
+                third, fourth = c[e, axis] * h * h, d[e, axis] * h * h * h
+                q0 += first**2
+                q1 += (first + second / 3.0) ** 2
+                q2 += (first + (2.0 * second + third) / 3.0) ** 2
+                q3 += (first + second + third + fourth) ** 2
+            largest = max(largest, q0, q1, q2, q3)
+            if not q3 >= 0.0:  # what is not a number is no bound
+                largest = math.inf
+        bound[e] = math.sqrt(largest)
+    return bound

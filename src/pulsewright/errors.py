@@ -69,6 +69,14 @@ class BusTimeoutError(BusError, TimeoutError):
     """No board acknowledged a bus cycle in time."""
 
 
+class LateError(BusError):
+    """Commands that came later than their time: the motion is not exactly as planned."""
+
+
+class PositionUnknownError(PulsewrightError):
+    """Planned motion asked of a machine whose motors may have lost steps; reference it first."""
+
+
 class EstopError(PulsewrightError):
     """A board that is in emergency stop where it should run."""
 

@@ -23,7 +23,9 @@ from pulsewright.errors import CheckFailedError, MachineError, UsageError
 from pulsewright.files import replacing
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.gcode import InterpreterSettings, interpret
+from pulsewright.motion.hold import AxisLimits
 from pulsewright.motion.machine import WORK_OFFSETS, Machine
+from pulsewright.motion.moves import AXES
 from pulsewright.motion.plan import begin_times
 from pulsewright.motion.plan import plan as plan_moves
 from pulsewright.units import MICROSECOND
@@ -147,6 +149,9 @@ class Job:
     ) -> Result:
         """Run on a board and verify the step edges; write reports to ``out`` unless None.
 
+        Whatever ends it early, Ctrl-C and SIGTERM included, lets the machine come to rest on its
+        path within its limits, if the link lives; the error has a note of where that is.
+
         Parameters
         ----------
         board, profile, link : str, optional
@@ -189,12 +194,13 @@ class Job:
             setup=machine.drive.direction_setup_us * MICROSECOND,
             hold=machine.drive.direction_hold_us * MICROSECOND,
         )
-        with driver:
+        with self._place_told(driver), driver:
             recorder = _recorder(driver, link or machine.link.url)
+            held = AxisLimits(rows @ np.linalg.pinv(matrix), acceleration, machine.jerk_limits())
             player = room.player(
                 driver,
                 self.trajectory.mapped(matrix),
-                Drives(rates, accelerations, jerks, drive),
+                Drives(rates, accelerations, jerks, drive, held),
             )
             with self.clock.stage("convert and run"):
                 player.prepare()
@@ -242,6 +248,30 @@ class Job:
                 result.write(folder, vcd=vcd)
                 progress("report", 1.0)
         return result
+
+    @contextmanager
+    def _place_told(self, driver: Any) -> Iterator[None]:
+        """Add to what ends a ``with`` block early a note of where the machine stands."""
+        try:
+            yield
+        except BaseException as error:
+            stop = driver.stopped_at
+            if stop is not None:
+                place = self.trajectory.at(stop.time)[0]
+                axes = [f"{a} {place[AXES.index(a)]:.3f}" for a in self.machine.axes]
+                error.add_note(
+                    f"stopped within its limits on its path at {stop.time:.3f} s of the plan, "
+                    f"line {self._line(stop.time)}: {' '.join(axes)}"
+                )
+            if not driver.position_known:
+                error.add_note("the position is unknown: reference the machine before it runs on")
+            raise
+
+    def _line(self, time: float) -> int:
+        """Return the line of the program that the plan is on at ``time`` [s]."""
+        plan = self.trajectory
+        k = np.clip(np.searchsorted(plan.start, time, "right") - 1, 0, len(plan.element) - 1)
+        return int(self.program.moves.line[plan.move[plan.element[k]]])
 
     def summary(self) -> dict[str, Any]:
         """Return what is known before running, in plain types."""

@@ -34,25 +34,15 @@ class PlutoStepPlayer(UpdatePlayer[Updates]):
         trajectory: Trajectory,
         drives: Drives,
     ) -> None:
-        super().__init__(driver, trajectory)
+        super().__init__(driver, trajectory, drives)
         self.rate, self.acceleration = max(drives.rates), max(drives.accelerations)
         timing = drives.timing
         self.pulse_width, self.pulse_space = timing.width, timing.space
         # the hold time counts from the active edge; the board waits from the other one on
         self.direction_time = max(timing.setup, timing.hold - timing.width)
 
-    def prepare(self) -> None:
-        """Bring the board from any state to rest, with its watchdog on.
-
-        Raises
-        ------
-        MotionLimitError
-            If the board cannot follow the motors' rates or accelerations with these pulses.
-        RegisterValueError
-            If a pulse time is more than the board can make.
-        BusError, EstopError
-            If there is no such board, or the link is too slow for its watchdog.
-        """
+    def _prepare(self) -> None:
+        """Bring the board from any state to rest, with its watchdog on."""
         driver = self.driver
         try:
             driver.initialise(

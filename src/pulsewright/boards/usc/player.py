@@ -34,7 +34,7 @@ class UscPlayer(UpdatePlayer[Updates]):
         trajectory: Trajectory,
         drives: Drives,
     ) -> None:
-        super().__init__(driver, trajectory)
+        super().__init__(driver, trajectory, drives)
         self.rate, self.acceleration = max(drives.rates), max(drives.accelerations)
         timing = drives.timing
         self.pulse_width = max(timing.width, 1 / reg.TICK_HZ)
@@ -42,18 +42,8 @@ class UscPlayer(UpdatePlayer[Updates]):
         # the hold time counts from the active edge; the board waits from the other one on
         self.setup_time = max(timing.setup, timing.hold - self.pulse_width, 1 / reg.TICK_HZ)
 
-    def prepare(self) -> None:
-        """Bring the board from any state out of emergency stop, at rest.
-
-        Raises
-        ------
-        MotionLimitError
-            If the board cannot follow the motors' rates or accelerations with these pulses.
-        RegisterValueError
-            If a pulse time is more than the board can make.
-        BusError, EstopError
-            If there is no such board or it does not leave emergency stop.
-        """
+    def _prepare(self) -> None:
+        """Bring the board from any state out of emergency stop, at rest."""
         driver = self.driver
         driver.initialise(pulse_width=self.pulse_width, setup_time=self.setup_time)
         timing = PulseTiming(

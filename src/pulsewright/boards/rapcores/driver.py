@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, SupportsIndex
 
@@ -240,6 +241,7 @@ class RapcoresDriver(Driver[SpiBus]):
         self._halted = False
         self._version = 0
         self._busy_until = 0  # cycle at which the moves that were sent are over, at the latest
+        self._fastest = 0.0  # of the motors in them [step/s]
         self._counts = np.zeros(encoders, np.int64)
         self._steps = np.zeros(motors, np.int64)
 
@@ -329,6 +331,7 @@ class RapcoresDriver(Driver[SpiBus]):
         """
         divider = reg.W_DIVIDER_RESET if tick_rate is None else self._divider_for(tick_rate)
         timing = self._timing_for(pulse_width, pulse_space, direction_setup, direction_hold)
+        self._halting(self._moving())
         if reset:
             self.bus.reset()
             self._counts[:] = self._steps[:] = 0
@@ -394,7 +397,12 @@ class RapcoresDriver(Driver[SpiBus]):
         self.enable((1 << self.motors) - 1)
 
     def estop(self) -> None:
-        """Halt the board, which drops all moves at once, and disable the motors."""
+        """Halt the board, which drops all moves at once, and disable the motors.
+
+        There is no ramp: the position is unknown then, if a motor ran faster than
+        `start_stop_rate`.
+        """
+        self._halting(self._moving())
         try:
             if self.profile == "document":
                 self.halt()
@@ -404,12 +412,16 @@ class RapcoresDriver(Driver[SpiBus]):
     def halt(self) -> None:
         """Stop all motion at once, without a ramp, and drop all moves; motors stay enabled.
 
+        The position is unknown then, if a motor ran faster than `start_stop_rate`.
+
         Raises
         ------
         UsageError
             In profiles `upstream` and `v020`, which cannot.
         """
         self._require_document("halt")
+        self._halting(self._moving())
+        self._fastest = 0.0
         self._halted = True
         self._write(reg.W_CONTROL, reg.W_CONTROL_HALT_MASK)
 
@@ -424,6 +436,9 @@ class RapcoresDriver(Driver[SpiBus]):
             If the HALT input still halts the board.
         """
         self._require_document("clear_halt")
+        if self._moving():
+            with suppress(EstopError):
+                self._check_halt(self.buffer())
         self._end_halt()
         if self.buffer().halted:
             raise EstopError("rapcores: the HALT input is low; release it, then clear the halt")
@@ -521,7 +536,7 @@ class RapcoresDriver(Driver[SpiBus]):
         if not self.running:
             raise EstopError("rapcores: the motors are not enabled; call release_estop()")
         if self.profile == "document":
-            _check_halt(self.buffer())
+            self._check_halt(self.buffer())
 
     # ------------------------------------------------------------------------------- ticks, pulses
 
@@ -683,7 +698,7 @@ class RapcoresDriver(Driver[SpiBus]):
         refused = self.counters().moves_refused if self.profile == "document" else 0
         _, telemetry = self._send(frame, duration, cycle)
         if self.profile == "document" and self.counters().moves_refused != refused:
-            _check_halt(self.buffer())
+            self._check_halt(self.buffer())
             raise BusError("rapcores: the board refused a move; is another host using it?")
         return telemetry
 
@@ -742,7 +757,7 @@ class RapcoresDriver(Driver[SpiBus]):
             )
             told.append(telemetry)
             if before is not None:
-                _check_halt(before)
+                self._check_halt(before)
                 if (k or chained) and not before.used:
                     self._starved(durations[: k + 1])
                 room = before.room
@@ -1008,8 +1023,7 @@ class RapcoresDriver(Driver[SpiBus]):
         codec = self.codec
         if self.profile != "document":
             reply = self.bus.transfer(frame, cycle)
-            begin = max(self._busy_until, self.bus.now())
-            self._busy_until = begin + (duration + 2) * (self._divider + 1)
+            self._note_move(duration)
             read = codec.telemetry_v020 if self.profile == "v020" else codec.telemetry
             return None, self._telemetry(read(reply))
         head = [codec.status_read(reg.R_BUFFER_STATE)]
@@ -1018,6 +1032,7 @@ class RapcoresDriver(Driver[SpiBus]):
             head.append(codec.status_read(reg.R_MOVES_COMPLETED))
             tail.append(codec.status_read(reg.R_MOVES_COMPLETED))
         reply = self.bus.transfer(b"".join([*head, frame, *tail]), cycle)
+        self._note_move(duration)
         start = sum(map(len, head))
         words = codec.to_words(reply[:start] + reply[start + len(frame) :])[1::2]
         before = _buffer_state(words[0])
@@ -1025,6 +1040,30 @@ class RapcoresDriver(Driver[SpiBus]):
         if not numbered or words[1] != words[2]:
             return before, self._telemetry(told)
         return before, self._telemetry(told, words[1], before.executing)
+
+    def _check_halt(self, state: BufferState) -> None:
+        """Check that no halt came.
+
+        Raises
+        ------
+        EstopError
+            If one did.
+        """
+        if state.halted or state.halt_seen:
+            self._halting(self._moving())
+            raise EstopError(
+                "rapcores: the board was halted and dropped its moves; release HALT, call "
+                "clear_halt() or release_estop(), and plan anew from read_steps()"
+            )
+
+    def _note_move(self, duration: int) -> None:
+        """Remember until when the board moves."""
+        begin = max(self._busy_until, self.bus.now())
+        self._busy_until = begin + (duration + 2) * (self._divider + 1)
+
+    def _moving(self) -> float:
+        """Return the highest rate in the moves that may be under way [step/s]."""
+        return self._fastest if self.bus.now() < self._busy_until else 0.0
 
     def _telemetry(
         self, told: Telemetry, completed: int | None = None, executing: bool | None = None
@@ -1039,7 +1078,7 @@ class RapcoresDriver(Driver[SpiBus]):
         rounds = 0
         while True:
             state = self.buffer()
-            _check_halt(state)
+            self._check_halt(state)
             if done(state):
                 return state
             now = (state.used, state.ticks_left)
@@ -1096,6 +1135,7 @@ class RapcoresDriver(Driver[SpiBus]):
                 f"are {self.max_step_rate:g} with ticks of {self.tick_rate:g} Hz and pulses of "
                 f"{self._period} cycles"
             )
+        self._fastest = max(self._moving(), float(fastest.max()))
 
     @property
     def _period(self) -> int:
@@ -1217,21 +1257,6 @@ def _check_build(
         raise UsageError(
             f"rapcores: position_bits = {position_bits} in profile '{profile}'; it has "
             f"{reg.POSITION_BITS}"
-        )
-
-
-def _check_halt(state: BufferState) -> None:
-    """Check that no halt came.
-
-    Raises
-    ------
-    EstopError
-        If one did.
-    """
-    if state.halted or state.halt_seen:
-        raise EstopError(
-            "rapcores: the board was halted and dropped its moves; release HALT, call clear_halt() "
-            "or release_estop(), and plan anew from read_steps()"
         )
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards.playing import Drives
+from pulsewright.boards.playing import Drives, Player, Stop
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.commands import (
     Converter,
@@ -23,10 +23,12 @@ from pulsewright.boards.rapcores.commands import (
 from pulsewright.errors import (
     BusError,
     MotionLimitError,
+    PulsewrightError,
     RegisterValueError,
     StarvedError,
     UsageError,
 )
+from pulsewright.motion.hold import AxisLimits, hold
 from pulsewright.motion.rejoin import rejoin
 from pulsewright.transport.spi_bus import CS_HIGH, SpiBus, VirtualSpiBus
 
@@ -111,11 +113,15 @@ class _Times(TypedDict):
     direction_hold: float
 
 
-class RapcoresPlayer:
+class RapcoresPlayer(Player):
     """Play motor positions on a RAPcores board. Creating one sends nothing; see `prepare`.
 
     If the board gets no move in time it stands still at once, without a ramp; `play` raises
-    `StarvedError` then, and knows where it stands. `resume` goes back to the plan and completes it.
+    `StarvedError` then, and knows where it stands, if no step was lost. `resume` goes back to the
+    plan and completes it.
+
+    Moves that the board has cannot be taken back but by a halt, which is no ramp. So `stop` lets
+    them be made, and leaves the plan behind them.
 
     Parameters
     ----------
@@ -132,8 +138,7 @@ class RapcoresPlayer:
         trajectory: Trajectory,
         drives: Drives,
     ) -> None:
-        self.driver = driver
-        self.trajectory = trajectory
+        super().__init__(driver, trajectory, drives)
         self.rates, self.accelerations = drives.rates, drives.accelerations
         self.jerks = drives.jerks
         timing = drives.timing
@@ -147,21 +152,11 @@ class RapcoresPlayer:
         self._job: _Job | None = None
         self._stopped: StarvedError | None = None
 
-    def prepare(self) -> None:
+    def _prepare(self) -> None:
         """Bring the board from any state to rest, and start; the plan's time 0 is `LEAD` later.
 
         The board is reset, if the link can do that. Otherwise its accumulators must be at whole
         steps, as they are after power-up and after a job that was played to its end.
-
-        Raises
-        ------
-        UsageError
-            If the board's profile has no moves that last exactly as long as they say.
-        MotionLimitError
-            If the board cannot follow the motors' rates or accelerations with these pulses on this
-            link.
-        BusError
-            If there is no such board, or the link fails.
         """
         driver, bus, motors = self.driver, self.driver.bus, self.trajectory.axes
         if driver.profile != "document":
@@ -199,9 +194,13 @@ class RapcoresPlayer:
         ------
         UsageError
             If the job has not been stopped by that error.
+        PositionUnknownError
+            If motors were stopped from more than the driver's ``start_stop_rate``. Call its
+            ``reference`` if it is known that they have lost no step, from encoders for instance.
         """
         if self._stopped is None:
             raise UsageError("rapcores: nothing to resume; the job did not run out of moves")
+        self.driver.require_position()
         self.trajectory = rejoin(
             self.trajectory,
             self._stopped.time,
@@ -212,6 +211,7 @@ class RapcoresPlayer:
         )
         self._stopped = None
         self._job = _Job(self.driver, self.trajectory, self._pace, self._playing.accumulators)
+        self.driver.begin_plan(self)
         return self.trajectory
 
     @property
@@ -234,20 +234,11 @@ class RapcoresPlayer:
         """The latest telemetry, if the board has told any."""
         return self._playing.told
 
-    def play(self, until: float) -> None:
+    def _play(self, until: float) -> None:
         """Stream the plan, and return when the board is at ``until`` [s].
 
         The buffer is kept full. At the end of the plan everything has come to rest, and is where
         the model says.
-
-        Raises
-        ------
-        StarvedError
-            If the board had no move in time, and stands still.
-        EstopError
-            If the board was halted: moves are lost.
-        BusError
-            If the link failed, or the board has not done what it was told.
         """
         if self._stopped is not None:
             raise self._stopped
@@ -257,7 +248,7 @@ class RapcoresPlayer:
             end = job.start_cycle + math.ceil(until * bus.clock_hz)
         while job.waiting:
             left = end - bus.now()
-            if left <= 0:
+            if left <= 0 or self._interrupted():
                 return
             wait = job.cycles_to_room() if job.full else 0
             if wait and (wait >= left or not isinstance(bus, VirtualSpiBus)):
@@ -271,6 +262,29 @@ class RapcoresPlayer:
             job.rest()
             job.finished = True
             bus.sleep(self.update)  # the last pulse goes out
+
+    def _stop(self) -> Stop | None:
+        job = self._playing
+        time = job.leave(self.limits)
+        self.trajectory = job.converter.trajectory
+        self._play(math.inf)
+        return Stop(time, tuple(job.accumulators[0].tolist())) if job.finished else None
+
+    def speed(self) -> float:
+        """Return the highest commanded rate of a motor about now [step/s]."""
+        job, bus = self._playing, self.driver.bus
+        about = np.array([-1, 0, 1]) * job.converter.grid
+        times = (bus.now() - job.start_cycle) / bus.clock_hz + about
+        return float(abs(self.trajectory.at(times, 1)).max())
+
+    def _lost(self, error: PulsewrightError) -> None:
+        if not isinstance(error, StarvedError):
+            super()._lost(error)
+            return
+        about = np.array([error.time - self.update, error.time])
+        if abs(self.trajectory.at(about, 1)).max() > self.driver.start_stop_rate:
+            self.driver.lose_position()
+        self.driver.end_plan()
 
     @property
     def _playing(self) -> _Job:
@@ -369,6 +383,26 @@ class _Job:
         self._sent = self._used = self._ticks_left = self._ticks = 0
         self._all_converted = False
         self.start_cycle = self._start()
+
+    def leave(self, limits: AxisLimits) -> float:
+        """Leave the trajectory behind the moves that are sent; return where, as `hold` does."""
+        trajectory, pace = self.converter.trajectory, self._pace
+        at = self._ticks // pace.ticks
+        if self._all_converted and at >= self.converter.total:
+            return trajectory.duration
+        plan, time = hold(trajectory, self.converter.time(self._ticks), limits)
+        self.converter = Converter(
+            plan,
+            ticks=pace.ticks,
+            tick=pace.tick,
+            word_bits=self._driver.word_bits,
+            position=self.accumulators[0],
+            fraction=self.accumulators[1],
+            at=at,
+        )
+        self._waiting.clear()
+        self._all_converted = False
+        return time
 
     @property
     def waiting(self) -> bool:

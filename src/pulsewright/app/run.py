@@ -256,15 +256,15 @@ class Job:
             yield
         except BaseException as error:
             stop = driver.stopped_at
-            if stop is not None:
+            if not driver.position_known:
+                error.add_note("the position is unknown: reference the machine before it runs on")
+            elif stop is not None:
                 place = self.trajectory.at(stop.time)[0]
                 axes = [f"{a} {place[AXES.index(a)]:.3f}" for a in self.machine.axes]
                 error.add_note(
                     f"stopped within its limits on its path at {stop.time:.3f} s of the plan, "
                     f"line {self._line(stop.time)}: {' '.join(axes)}"
                 )
-            if not driver.position_known:
-                error.add_note("the position is unknown: reference the machine before it runs on")
             raise
 
     def _line(self, time: float) -> int:

@@ -63,7 +63,8 @@ class Stop:
     time : float
         When the plan is there [s].
     position : tuple of int
-        Step that each motor is at, counted as the plan counts.
+        Step that each motor is at, counted as the plan counts; if the driver's ``position_known``
+        says so.
     """
 
     time: float
@@ -152,14 +153,15 @@ class Player(ABC):
         """Leave the plan, and come to rest on its path within the machine's limits.
 
         Acceleration and jerk are those of `Drives`; the path is the plan's. The motors stay
-        enabled, and the position is known. Returns None if the plan was not under way.
+        enabled, and the position is known, unless commands came late, before or now. Returns None
+        if the plan was not under way.
 
         A second Ctrl-C meanwhile stops at once, by emergency stop.
 
         Raises
         ------
         EstopError, BusError
-            As `play`; the position is unknown.
+            If the board has stopped or the link failed; the position is unknown.
         """
         if not self.driver.plays(self):
             return self.stopped_at
@@ -349,7 +351,7 @@ class UpdatePlayer(Player, Generic[U]):
         self.driver.check_running()
 
     def _stop(self) -> Stop | None:
-        converter, late = self.converter, None
+        converter = self.converter
         self.trajectory, time = hold(self.trajectory, converter.free_from, self.limits)
         converter.follow(self.trajectory)
         while not converter.done:
@@ -357,11 +359,9 @@ class UpdatePlayer(Player, Generic[U]):
                 return None
             try:
                 self._stream(converter.total)
-            except LateError as error:  # a ramp that is not exact is better than none
-                late = error
+            except LateError:  # a ramp that is not exact is better than none
+                self.driver.lose_position()
         self.driver.check_running()
-        if late is not None:
-            raise late
         return Stop(time, tuple(converter.count.tolist()))
 
     def _stream(self, most: int) -> int:

@@ -421,7 +421,7 @@ class RapcoresDriver(Driver[SpiBus]):
         """
         self._require_document("halt")
         self._halting(self._moving())
-        self._fastest = 0.0
+        self._busy_until = 0
         self._halted = True
         self._write(reg.W_CONTROL, reg.W_CONTROL_HALT_MASK)
 

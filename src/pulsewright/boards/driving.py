@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from types import TracebackType
-from typing import TYPE_CHECKING, ClassVar, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, Self, TypeVar
 
 from pulsewright.errors import PositionUnknownError, PulsewrightError, UsageError
 from pulsewright.transport.bus import EppBus
@@ -12,10 +13,36 @@ from pulsewright.transport.serial_bus import SerialBus
 from pulsewright.transport.spi_bus import SpiBus
 
 if TYPE_CHECKING:
-    from pulsewright.boards.playing import Player, Stop
     from pulsewright.registers.model import Register, RegisterMap
 
 B = TypeVar("B", EppBus, SerialBus, SpiBus)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where a plan that was left has come to rest.
+
+    Parameters
+    ----------
+    time : float
+        When the plan is there [s].
+    position : tuple of int
+        Step that each motor is at, counted as the plan counts; if the driver's ``position_known``
+        says so.
+    """
+
+    time: float
+    position: tuple[int, ...]
+
+
+class Playing(Protocol):
+    """What a driver needs of a player; see `playing.Player`."""
+
+    def stop(self) -> Stop | None:
+        """Leave the plan, and come to rest within the machine's limits."""
+
+    def speed(self) -> float:
+        """Return the highest commanded rate of a motor now [step/s]; 0 where it is not known."""
 
 
 class Driver(ABC, Generic[B]):
@@ -27,7 +54,7 @@ class Driver(ABC, Generic[B]):
         Step rate from which the motors can stop at once, and to which they can start, without
         losing a step [step/s]; 0, the default, if it is not known.
     stopped_at : Stop or None
-        Where the last plan came to rest that was left before its end; see `Player.stop`.
+        Where the last plan came to rest that was left before its end.
     """
 
     registers: ClassVar[RegisterMap]
@@ -35,7 +62,7 @@ class Driver(ABC, Generic[B]):
     start_stop_rate: float = 0.0
     stopped_at: Stop | None = None
     _position_known = True
-    _player: Player | None = None
+    _player: Playing | None = None
 
     @abstractmethod
     def estop(self) -> None:
@@ -76,7 +103,7 @@ class Driver(ABC, Generic[B]):
         """Note that steps may have been lost."""
         self._position_known = False
 
-    def begin_plan(self, player: Player) -> None:
+    def begin_plan(self, player: Playing) -> None:
         """Note what plays on this board, to be stopped on its ramp when the driver is left."""
         self._player, self.stopped_at = player, None
 
@@ -84,7 +111,7 @@ class Driver(ABC, Generic[B]):
         """Note that no plan moves the motors any more."""
         self._player = None
 
-    def plays(self, player: Player) -> bool:
+    def plays(self, player: Playing) -> bool:
         """Tell whether a player's plan is under way."""
         return self._player is player
 

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.boards.driving import Stop
 from pulsewright.edges.timing import DriveTiming
 from pulsewright.errors import (
     LateError,
     MotionLimitError,
-    PulsewrightError,
     UsageError,
 )
 from pulsewright.interrupts import kept_back
@@ -52,23 +52,6 @@ class Drives:
     jerks: Sequence[float]
     timing: DriveTiming
     limits: AxisLimits | None = None
-
-
-@dataclass(frozen=True)
-class Stop:
-    """Where a plan that was left has come to rest.
-
-    Parameters
-    ----------
-    time : float
-        When the plan is there [s].
-    position : tuple of int
-        Step that each motor is at, counted as the plan counts; if the driver's ``position_known``
-        says so.
-    """
-
-    time: float
-    position: tuple[int, ...]
 
 
 class Player(ABC):
@@ -143,7 +126,7 @@ class Player(ABC):
         with kept_back() as self._interrupted:
             try:
                 self._play(until)
-            except PulsewrightError as error:
+            except BaseException as error:
                 self._lost(error)
                 raise
         if self.done:
@@ -168,7 +151,7 @@ class Player(ABC):
         with kept_back() as self._interrupted:
             try:
                 self.stopped_at = self._stop()
-            except PulsewrightError as error:
+            except BaseException as error:
                 self._lost(error)
                 self.driver.end_plan()
                 raise
@@ -182,7 +165,7 @@ class Player(ABC):
         """Return the highest commanded rate of a motor now [step/s]; 0 where it is not known."""
         return 0.0
 
-    def _lost(self, error: PulsewrightError) -> None:
+    def _lost(self, error: BaseException) -> None:
         """Note that an error has ended the motion, or that it is not as planned any more."""
         self.driver.lose_position()
         if not isinstance(error, LateError):

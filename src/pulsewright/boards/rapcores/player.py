@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards.playing import Drives, Player, Stop
+from pulsewright.boards.driving import Stop
+from pulsewright.boards.playing import Drives, Player
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.commands import (
     Converter,
@@ -23,7 +24,6 @@ from pulsewright.boards.rapcores.commands import (
 from pulsewright.errors import (
     BusError,
     MotionLimitError,
-    PulsewrightError,
     RegisterValueError,
     StarvedError,
     UsageError,
@@ -277,7 +277,7 @@ class RapcoresPlayer(Player):
         times = (bus.now() - job.start_cycle) / bus.clock_hz + about
         return float(abs(self.trajectory.at(times, 1)).max())
 
-    def _lost(self, error: PulsewrightError) -> None:
+    def _lost(self, error: BaseException) -> None:
         if not isinstance(error, StarvedError):
             super()._lost(error)
             return

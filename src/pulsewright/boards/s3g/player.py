@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards.playing import Drives, Player, Stop
+from pulsewright.boards.driving import Stop
+from pulsewright.boards.playing import Drives, Player
 from pulsewright.boards.s3g import registers as reg
 from pulsewright.boards.s3g.commands import (
     FINISHED,
@@ -24,7 +25,6 @@ from pulsewright.boards.s3g.ring import DONE, PORTION, ProgramRing
 from pulsewright.errors import (
     BusError,
     MotionLimitError,
-    PulsewrightError,
     RegisterValueError,
     StarvedError,
     UsageError,
@@ -200,7 +200,7 @@ class S3GPlayer(Player):
         times = (bus.now() - job.start_cycle) / bus.clock_hz + about
         return float(abs(self.trajectory.at(times, 1)).max())
 
-    def _lost(self, error: PulsewrightError) -> None:
+    def _lost(self, error: BaseException) -> None:
         if isinstance(error, StarvedError):  # it has stopped on a ramp
             self.driver.end_plan()
         else:

@@ -54,7 +54,7 @@ class Run:
         machine, self.job = job.machine, job
         self.room, self.matrix = boards.get(name), machine.motor_matrix()
         options = self.room.parameters_for(len(self.matrix)) | options
-        self.driver = open_board(name, **options)
+        self.driver = open_board(name, options.pop("link", "twin:"), **options)
         self.rows, self.velocity, self.acceleration = machine.limit_rows()
         inverse = np.linalg.pinv(self.matrix)
         scale = abs(self.matrix @ np.linalg.pinv(self.rows))
@@ -434,3 +434,30 @@ def test_the_watchdog_of_a_usc_leaves_the_position_unknown():
     with pytest.raises(EstopError, match="watchdog"):
         driver.check_running()
     assert not driver.position_known
+
+
+# ------------------------------------------------------------------------------ on gateware
+
+
+@pytest.mark.rtl
+@pytest.mark.campaign
+@each_room
+def test_gateware_stops_as_its_twin_does(name, tmp_path):
+    path = tmp_path / "part.ngc"
+    path.write_text("G1 X2 Y-1 F1800\nG3 X0 Y0 R1.5\n")
+    job, runs = Job.from_gcode(path), []
+    for link in ("twin:", "rtl:"):
+        run = Run(name, job, link=link)
+        with run.driver:
+            run.player.prepare()
+            run.player.play(0.06)
+            run.player.stop()
+        trace = run.trace()
+        assert run.driver.stopped_at.position == tuple(run.counted(trace))
+        assert run.check_limits(trace, 0.06) > 0
+        runs.append((run.driver.stopped_at, [trace.edges(pins.step, 1) for pins in run.pins]))
+    (stop, edges), (stop_rtl, edges_rtl) = runs
+    assert stop == stop_rtl
+    assert 0.06 < stop.time < job.duration - 0.01
+    for one, other in zip(edges, edges_rtl, strict=True):
+        assert one.tolist() == other.tolist()

@@ -62,6 +62,7 @@ class Run:
         self.drives = Drives(
             (scale @ self.velocity).tolist(),
             (scale @ self.acceleration).tolist(),
+            (scale @ machine.jerk_limits()).tolist(),
             TIMING,
             AxisLimits(self.rows @ inverse, self.acceleration, machine.jerk_limits()),
         )
@@ -231,6 +232,7 @@ def test_a_plan_that_was_left_is_rejoined_and_completed(name, job):
             stop.position,
             rates=drives.rates,
             accelerations=drives.accelerations,
+            jerks=drives.jerks,
         )
         player = run.room.player(driver, rest, drives)
         player.prepare()

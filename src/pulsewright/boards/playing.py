@@ -43,8 +43,7 @@ class Drives:
         The most that each motor may do [step/s, step/s^2, step/s^3].
     timing : DriveTiming
     limits : AxisLimits, optional
-        What holds for a plan that is left in its middle; default is the accelerations of the
-        motors.
+        What holds for a plan that is left in its middle; default is what holds for the motors.
     """
 
     rates: Sequence[float]
@@ -78,7 +77,7 @@ class Player(ABC):
 
     def __init__(self, driver: Any, trajectory: Trajectory, drives: Drives) -> None:
         self.driver, self.trajectory = driver, trajectory
-        self.limits = drives.limits or AxisLimits.of_motors(drives.accelerations)
+        self.limits = drives.limits or AxisLimits.of_motors(drives.accelerations, drives.jerks)
         self.stopped_at: Stop | None = None
         self._interrupted: Callable[[], bool] = lambda: False
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -53,10 +53,9 @@ class AxisLimits:
     jerks: Floats
 
     @classmethod
-    def of_motors(cls, accelerations: Sequence[float]) -> AxisLimits:
-        """Return limits of motors by themselves [step/s^2], without limits of jerk."""
-        values = np.asarray(accelerations, float)
-        return cls(np.eye(len(values)), values, np.full(len(values), np.inf))
+    def of_motors(cls, accelerations: Sequence[float], jerks: Sequence[float]) -> AxisLimits:
+        """Return limits of motors by themselves [step/s^2, step/s^3]."""
+        return cls(np.eye(len(accelerations)), *np.array([accelerations, jerks], float))
 
 
 def hold(plan: Trajectory, time: float, limits: AxisLimits) -> tuple[Trajectory, float]:
@@ -129,12 +128,8 @@ def _brake(
 
 def _cut(plan: Trajectory, time: float, here: int) -> Trajectory:
     """Return a plan that ends at ``time``, on piece ``here``, where it rests."""
-    return replace(
-        plan,
-        element=plan.element[: here + 1],
-        start=np.append(plan.start[: here + 1], time),
-        law=plan.law[: here + 1],
-    )
+    start = np.append(plan.start[: here + 1], time)
+    return _timed(plan, plan.element[: here + 1], start, plan.law[: here + 1])
 
 
 def _warped(
@@ -175,12 +170,18 @@ def _warped(
     v, v_end, h = v * rate[:-1], v_end * rate[1:], np.diff(u)
     rise = (s_end - s) / h
     law = np.stack([s, v, (3 * rise - 2 * v - v_end) / h, (v + v_end - 2 * rise) / h**2], axis=1)
-    return replace(
+    return _timed(
         plan,
-        element=np.concatenate([plan.element[: here + 1], plan.element[k]]),
-        start=np.concatenate([plan.start[: here + 1], time + u]),
-        law=np.concatenate([plan.law[: here + 1], law]),
+        np.concatenate([plan.element[: here + 1], plan.element[k]]),
+        np.concatenate([plan.start[: here + 1], time + u]),
+        np.concatenate([plan.law[: here + 1], law]),
     )
+
+
+def _timed(plan: Trajectory, element: NDArray[np.int32], start: Floats, law: Floats) -> Trajectory:
+    """Return the path of a plan with another law of time."""
+    geometry = plan.poly, plan.cosine, plan.sine, plan.omega, plan.length, plan.move
+    return Trajectory(*geometry, element, start, law)
 
 
 def _path(plan: Trajectory, k: NDArray[np.int64], time: Floats) -> tuple[Floats, Floats]:

@@ -99,5 +99,13 @@ class StarvedError(EstopError):
         super().__init__(message)
 
 
+class FollowingError(PulsewrightError):
+    """A motor that is not where it was commanded to be: steps were lost, or commands spoilt."""
+
+
+class LimitSwitchError(PulsewrightError):
+    """A limit switch that was hit in mid-move."""
+
+
 class CheckFailedError(PulsewrightError):
     """A check that ran to its end and found a difference or a violated limit."""

@@ -15,6 +15,7 @@ import numpy as np
 from pulsewright import boards
 from pulsewright.app.progress import Progress, silent
 from pulsewright.boards.playing import Drives
+from pulsewright.boards.watching import Feedback, LimitSwitches
 from pulsewright.edges.path import numbered_pins
 from pulsewright.edges.timing import DriveTiming
 from pulsewright.edges.trace import EdgeTrace
@@ -35,6 +36,7 @@ from pulsewright.verify.verdict import Verdict, plain
 if TYPE_CHECKING:
     from pulsewright.motion.moves import Program
     from pulsewright.motion.trajectory import Trajectory
+    from pulsewright.transport.faults import Faults
 
 TRACE: Final = "trace.npz"
 CERTIFICATE: Final = "certificate.json"
@@ -145,6 +147,7 @@ class Job:
         out: Path | str | None = None,
         vcd: bool = False,
         record: Path | str | None = None,
+        faults: Faults | None = None,
         progress: Progress = silent,
     ) -> Result:
         """Run on a board and verify the step edges; write reports to ``out`` unless None.
@@ -162,6 +165,8 @@ class Job:
             Write trace.vcd too.
         record : Path or str, optional
             File that keeps all that goes over the link, for `pulsewright replay`.
+        faults : Faults, optional
+            What goes wrong on the link; see `transport.faults`.
 
         Raises
         ------
@@ -171,6 +176,9 @@ class Job:
             If the board cannot follow the machine's rates.
         BusError, EstopError
             If the link failed, or the board stopped by itself.
+        FollowingError, LimitSwitchError
+            If a motor is not where it should be, or a limit switch is hit, as far as the machine
+            has ``encoders`` and ``switches`` and the board can tell.
         """
         settings, machine = self.machine.board, self.machine
         name = board or settings.name
@@ -181,6 +189,7 @@ class Job:
             link or machine.link.url,
             profile=profile or (settings.profile if own else None),
             record=record,
+            faults=faults,
             **room.parameters_for(machine.motors) | _switches(machine if own else None),
         )
         matrix = machine.motor_matrix()
@@ -200,7 +209,10 @@ class Job:
             player = room.player(
                 driver,
                 self.trajectory.mapped(matrix),
-                Drives(rates, accelerations, jerks, drive, held),
+                Drives(
+                    *(rates, accelerations, jerks, drive, held),
+                    **_watched(machine if own else None),
+                ),
             )
             with self.clock.stage("convert and run"):
                 player.prepare()
@@ -464,6 +476,17 @@ def _switches(machine: Machine | None) -> dict[str, int]:
             )
         switches[name] = int(value)
     return switches
+
+
+def _watched(machine: Machine | None) -> dict[str, Any]:
+    """Return what a machine file says of encoders and limit switches at its board."""
+    watched: dict[str, Any] = {}
+    if machine is not None and machine.encoders is not None:
+        encoders = machine.encoders
+        watched["feedback"] = Feedback(encoders.counts_per_step, encoders.following_error)
+    if machine is not None and machine.switches is not None:
+        watched["switches"] = LimitSwitches(machine.switches.inputs, machine.switches.active)
+    return watched
 
 
 def _recorder(driver: Any, link: str) -> Any:

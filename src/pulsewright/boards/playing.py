@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.driving import Stop
+from pulsewright.boards.watching import Feedback, LimitSwitches, check_positions, check_switches
 from pulsewright.edges.timing import DriveTiming
 from pulsewright.errors import (
     LateError,
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 U = TypeVar("U")  # updates: native commands in columns, of one board
 
+LOOK: Final = 0.1  # of a plan, from one look at the board's positions to the next [s]
+WATCH: Final = 0.02  # the same where there are switches or encoders to look at [s]
+ROUNDING: Final = 1.0  # by which a position in motion may differ beside the way of an update [step]
 PORTION: Final = 16  # updates that are streamed at once, at first
 QUICK: Final = 0.01  # portions that take less time of the host are doubled [s], ...
 SLOW: Final = 0.04  # ... and those that take more are halved
@@ -44,6 +48,10 @@ class Drives:
     timing : DriveTiming
     limits : AxisLimits, optional
         What holds for a plan that is left in its middle; default is what holds for the motors.
+    feedback : Feedback, optional
+        Without it nobody notices that a motor did not follow.
+    switches : LimitSwitches, optional
+        Without it the emergency stop chain has to have them.
     """
 
     rates: Sequence[float]
@@ -51,6 +59,8 @@ class Drives:
     jerks: Sequence[float]
     timing: DriveTiming
     limits: AxisLimits | None = None
+    feedback: Feedback | None = None
+    switches: LimitSwitches | None = None
 
 
 class Player(ABC):
@@ -111,6 +121,8 @@ class Player(ABC):
         ------
         EstopError
             If the board stopped, or its watchdog expired: the position is unknown.
+        FollowingError, LimitSwitchError
+            If a motor is not where it should be, or a limit switch is hit; see `Drives`.
         StarvedError
             If a board that buffers motion got none in time, and has stopped by itself.
         BusError
@@ -240,6 +252,7 @@ class UpdateConverter(ABC, Generic[U]):
         self.update_cycles = update_cycles
         self.start_cycle = first_cycle + update_cycles
         self.position = 0
+        self.way = np.zeros(trajectory.axes, np.int64)  # of each motor in the last update [step]
         self._clock_hz, self._first_cycle = clock_hz, first_cycle
         self.total = self._updates(trajectory)
 
@@ -272,6 +285,11 @@ class UpdateConverter(ABC, Generic[U]):
         """Return the next ``count`` updates, fewer at the end."""
 
     @property
+    def next_cycle(self) -> int:
+        """Clock cycle of the next update."""
+        return self._first_cycle + self.position * self.update_cycles
+
+    @property
     @abstractmethod
     def count(self) -> NDArray[np.int64]:
         """Position of each motor after the updates converted so far [step], shape (motors,)."""
@@ -288,6 +306,12 @@ class UpdateConverter(ABC, Generic[U]):
         numbers = self.position + np.arange(n, dtype=np.int64)
         return self._first_cycle + numbers * self.update_cycles
 
+    def _note_way(self, before: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+        """Keep how far the last update goes: ``counts`` (n, axes) follow ``before``."""
+        if len(counts):
+            ahead = counts[-2, : len(before)] if len(counts) > 1 else before
+            self.way = np.abs(counts[-1, : len(before)] - ahead)
+
     def _seconds(self, cycle: int) -> float:
         """Return the time of the plan at a clock cycle [s]."""
         return (cycle - self.start_cycle) / self._clock_hz
@@ -301,8 +325,13 @@ class UpdatePlayer(Player, Generic[U]):
 
     def __init__(self, driver: Any, trajectory: Trajectory, drives: Drives) -> None:
         super().__init__(driver, trajectory, drives)
+        self._feedback, self._switches = drives.feedback, drives.switches
         self._converter: UpdateConverter[U] | None = None
         self._portion = PORTION
+        self._looked = 0  # updates sent since the positions were looked at
+        self._look_cycles = 0  # time that `_off` takes on this link
+
+    _blame = "bytes on the way to the board were spoilt, or something else has moved it"
 
     @property
     def converter(self) -> UpdateConverter[U]:
@@ -328,9 +357,16 @@ class UpdatePlayer(Player, Generic[U]):
 
     def _play(self, until: float) -> None:
         left = self.converter.updates_until(until)
+        watched = self._feedback is not None or self._switches is not None
+        look = max(math.ceil((WATCH if watched else LOOK) / self.update), 1)
         while left > 0 and not self._interrupted():
-            left -= self._stream(left)
-        self.driver.check_running()
+            count = self._stream(min(left, look - self._looked))
+            left -= count
+            self._looked += count
+            if self._looked == look:
+                self._looked = 0
+                self.check()
+        self.check()
 
     def _stop(self) -> Stop | None:
         converter = self.converter
@@ -343,8 +379,51 @@ class UpdatePlayer(Player, Generic[U]):
                 self._stream(converter.total)
             except LateError:  # a ramp that is not exact is better than none
                 self.driver.lose_position()
-        self.driver.check_running()
+        self.check()
         return Stop(time, tuple(converter.count.tolist()))
+
+    def check(self) -> None:
+        """See that the board runs, no limit switch is hit, and motors are where they should be.
+
+        In motion a motor may be off by the way of an update; and where the next one is due before
+        the board could answer, positions are not looked at.
+
+        Raises
+        ------
+        EstopError, BusError
+            As `play`.
+        LimitSwitchError, FollowingError
+            If not.
+        """
+        self.driver.check_running()
+        if self._switches is not None:
+            check_switches(self.driver, self._switches)
+        converter, bus = self.converter, self.driver.bus
+        done = converter.done
+        if not done and bus.now() + self._look_cycles > converter.next_cycle:
+            return
+        off = self._off()
+        if off is None:
+            return
+        bounds = np.full(
+            len(off), 0.5 if self._feedback is None else self._feedback.following_error
+        )
+        if not done:
+            bounds += converter.way[: len(off)] + ROUNDING
+        check_positions(self.driver.registers.board, off, bounds, self._blame)
+
+    def _off(self) -> NDArray[np.float64] | None:
+        """Return by how much each motor is off where the updates sent lead it [step], if known.
+
+        Of the first motors; as the converter has them, when the next update takes effect.
+        """
+        return None
+
+    def _measure(self, look: Callable[[], object]) -> None:
+        """Note how long it takes on this link to look at the positions."""
+        begin = self.driver.bus.now()
+        look()
+        self._look_cycles = self.driver.bus.now() - begin
 
     def _stream(self, most: int) -> int:
         """Convert and stream the next updates; return how many.

@@ -306,7 +306,7 @@ class PlutoStepDriver(Driver[EppBus]):
         BusTimeoutError
             If the board did not acknowledge.
         EstopError
-            If `release_estop` was not called.
+            If `release_estop` was not called, or the watchdog has expired since.
         RegisterValueError
             If a velocity is beyond `max_velocity`.
         """
@@ -327,6 +327,9 @@ class PlutoStepDriver(Driver[EppBus]):
                 f"allowed are -{limit}..{limit} with steps of {self._step_ticks} + "
                 f"{self._space_ticks} ticks; plan with the pulse timing of this board"
             )
+        if self._since_feed() >= WATCHDOG_TIME:  # another feed would drive the pins again
+            self._lapsed = True
+            self.check_running()
         for first in range(0, n, STREAM_BURSTS):
             part = slice(first, first + STREAM_BURSTS)
             self._stream(cycle[part], velocity[part])

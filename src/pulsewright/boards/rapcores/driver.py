@@ -38,6 +38,7 @@ MAX_TIME: Final = reg.W_STEP_WIDTH_CYCLES_MASK  # of a pulse [cycle]
 DEFAULT_TIME: Final = reg.W_STEP_WIDTH_RESET / reg.CLOCK_HZ  # of the board after reset [s]
 FULL_CURRENT: Final = reg.W_CURRENT_CURRENT_MASK
 POLL: Final = 20e-6  # between two looks at a pin [s]
+LONGEST_SLEEP: Final = 0.1  # between two looks at a move [s]
 ROUNDS: Final = 3  # of waiting for a move that should have ended
 TIMING: Final = {
     "W_STEP_WIDTH": "pulse width",
@@ -271,7 +272,7 @@ class RapcoresDriver(Driver[SpiBus]):
         if self.profile == "document":
             parameters, build_id = self._read_all(reg.R_BUILD_PARAMETERS, reg.R_BUILD_ID)
             has |= decode(reg.MAP["R_BUILD_PARAMETERS"], parameters)
-            has["depth"] = self.buffer().depth
+            has["depth"] = self._buffer().depth
             asked |= {
                 "word_bits": self.word_bits,
                 "depth": self.depth,
@@ -348,6 +349,7 @@ class RapcoresDriver(Driver[SpiBus]):
                 self.write_register("W_CURRENT", motor)
             self.clear()
             self._end_halt()
+            self.check_configuration()
 
     def _synchronise(self) -> None:
         """Read the version; where a message or word may be open from before, end that first.
@@ -391,10 +393,14 @@ class RapcoresDriver(Driver[SpiBus]):
         ------
         EstopError
             If the HALT input still halts the board.
+        BusError
+            If the board does not hold what was written, in profile `document`.
         """
         if self.profile == "document":
             self.clear_halt()
         self.enable((1 << self.motors) - 1)
+        if self.profile == "document":
+            self.check_configuration()
 
     def estop(self) -> None:
         """Halt the board, which drops all moves at once, and disable the motors.
@@ -845,7 +851,18 @@ class RapcoresDriver(Driver[SpiBus]):
     # ------------------------------------------------------------------------------- state
 
     def buffer(self) -> BufferState:
-        """Return the state of the move buffer, in profile `document`."""
+        """Return the state of the move buffer, in profile `document`.
+
+        Raises
+        ------
+        BusError
+            If what answers is no buffer of this board: the link is silent or spoils bytes.
+        """
+        state = self._buffer()
+        self._require_depth(state)
+        return state
+
+    def _buffer(self) -> BufferState:
         self._require_document("buffer")
         state, ticks = self._read_all(reg.R_BUFFER_STATE, reg.R_TICKS_LEFT)
         return _buffer_state(state, ticks)
@@ -879,6 +896,30 @@ class RapcoresDriver(Driver[SpiBus]):
                 f"{counters.unknown_headers} unknown headers, steps lost by motors "
                 f"{_bits(lost) or 'none'}; check the wiring of SPI and the rates"
             )
+
+    def check_configuration(self) -> None:
+        """Check that the board holds what was written: enables, tick rate and pulse times.
+
+        In profile `document`, which can read them.
+
+        Raises
+        ------
+        BusError
+            If not; names the register.
+        """
+        self._require_document("check_configuration")
+        expected = {"W_ENABLE": self._enabled, "W_DIVIDER": self._divider}
+        times = (self.timing.width, self.timing.low, self.timing.setup, self.timing.hold)
+        expected |= dict(zip(TIMING, times, strict=True))
+        frame = b"".join(self.codec.config_read(reg.MAP[name].addresses[0]) for name in expected)
+        words = self.codec.to_words(self.bus.transfer(frame))[1::2]
+        for (name, value), word in zip(expected.items(), words, strict=True):
+            if word & REGISTER != value:
+                raise BusError(
+                    f"rapcores: register {name} holds {word & REGISTER:#x}, {value:#x} was "
+                    f"written: bytes on the way were spoilt, or the board has lost power or was "
+                    f"reset; check wiring and supply, and initialise() again"
+                )
 
     def clear(self) -> None:
         """Set counters to 0 and forget encoder faults and lost steps, in profile `document`."""
@@ -1036,6 +1077,7 @@ class RapcoresDriver(Driver[SpiBus]):
         start = sum(map(len, head))
         words = codec.to_words(reply[:start] + reply[start + len(frame) :])[1::2]
         before = _buffer_state(words[0])
+        self._require_depth(before)
         told = codec.telemetry(reply[start : start + len(frame)])
         if not numbered or words[1] != words[2]:
             return before, self._telemetry(told)
@@ -1089,7 +1131,7 @@ class RapcoresDriver(Driver[SpiBus]):
                 )
             seen = now
             cycles = max(state.ticks_left, 1) * (self._divider + 1)
-            self.bus.sleep(cycles / self.bus.clock_hz)
+            self.bus.sleep(min(cycles / self.bus.clock_hz, LONGEST_SLEEP))
 
     def _encoder_states(self) -> list[tuple[int, int]]:
         """Return position and velocity of each encoder, signed."""
@@ -1141,6 +1183,15 @@ class RapcoresDriver(Driver[SpiBus]):
     def _period(self) -> int:
         """Shortest time from step to step [cycle]."""
         return self.timing.width + self.timing.low
+
+    def _require_depth(self, state: BufferState) -> None:
+        """Check that a state has the depth of this build: silent lines read all ones or zeros."""
+        if state.depth != self.depth:
+            raise BusError(
+                f"rapcores: the state of the move buffer reads depth {state.depth}, it has "
+                f"{self.depth}: no board answers, or bytes on the way were spoilt; check power and "
+                f"wiring, and SCK at 1/{2 * reg.MIN_HALF_PERIOD} of the board's clock at most"
+            )
 
     def _require_running(self) -> None:
         if not self.running:

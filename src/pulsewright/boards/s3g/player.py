@@ -22,6 +22,7 @@ from pulsewright.boards.s3g.commands import (
 )
 from pulsewright.boards.s3g.packets import MAX_WORDS
 from pulsewright.boards.s3g.ring import DONE, PORTION, ProgramRing
+from pulsewright.boards.watching import require_encoders, require_inputs
 from pulsewright.errors import (
     BusError,
     MotionLimitError,
@@ -68,6 +69,8 @@ class S3GPlayer(Player):
         drives: Drives,
     ) -> None:
         super().__init__(driver, trajectory, drives)
+        require_encoders("s3g", drives.feedback, 0)
+        require_inputs("s3g", drives.switches, 0)
         self.rates, self.accelerations = drives.rates, drives.accelerations
         self.jerks = drives.jerks
         timing = drives.timing

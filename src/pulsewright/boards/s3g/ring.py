@@ -143,6 +143,11 @@ class ProgramRing:
             If the link fails, or the executor does what these words do not say.
         """
         status = self._driver.status(self._timeout)
+        if self._started and not status.busy and status.error == reg.BE_RUNNING:
+            raise BusError(
+                "s3g: the board knows of no program any more: it has lost power or was reset; "
+                "check its supply, reference the machine, and begin anew"
+            )
         self._note(status.error, status.pc)
 
     def cycles_to(self, word: int) -> int:

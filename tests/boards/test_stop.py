@@ -337,13 +337,14 @@ def test_a_second_signal_stops_at_once(name, job):
 @each_room
 def test_a_link_that_fails_in_mid_move_leaves_the_position_unknown(name, job):
     run = Run(name, job)
-    with pytest.raises(BusError, match="cable is cut"):
+    with pytest.raises(BusError, match="cable is cut") as cut:
         drive(
             run,
             fast(job),
             lambda: run.before_sends(3, run.fail_from_now),
             lambda: run.player.play(math.inf),
         )
+    assert "could not be told to stop: " in cut.value.__notes__[-1]  # of the first error
     assert not run.driver.position_known
     assert run.driver.stopped_at is None
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, Self, TypeVar
@@ -43,6 +45,17 @@ class Playing(Protocol):
 
     def speed(self) -> float:
         """Return the highest commanded rate of a motor now [step/s]; 0 where it is not known."""
+
+
+@contextmanager
+def _noted(error: BaseException | None, what: str) -> Iterator[None]:
+    """Let what fails in a ``with`` block be a note of ``error``, if there is one."""
+    try:
+        yield
+    except PulsewrightError as failed:
+        if error is None:
+            raise
+        error.add_note(f"{what}: {failed}")
 
 
 class Driver(ABC, Generic[B]):
@@ -130,20 +143,18 @@ class Driver(ABC, Generic[B]):
     ) -> None:
         """Let a plan under way come to rest on its ramp, stop the board, and release the bus.
 
-        With another error on its way, one of the ramp becomes a note of that.
+        With another error on its way, what fails of that becomes a note of it.
         """
         try:
-            try:
+            with _noted(error, "no ramp to rest"):
                 if self._player is not None:
                     self._player.stop()
-            except PulsewrightError as failed:
-                if error is None:
-                    raise
-                error.add_note(f"no ramp to rest: {failed}")
-            finally:
-                self._leave()
         finally:
-            self.close()
+            try:
+                with _noted(error, "the board could not be told to stop"):
+                    self._leave()
+            finally:
+                self.close()
 
     def _leave(self) -> None:
         self.estop()

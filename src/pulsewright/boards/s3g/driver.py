@@ -229,8 +229,10 @@ class S3GDriver(Driver[SerialBus]):
     def _leave(self) -> None:
         """Stop all motion and disable the motors, if this driver has sent anything."""
         if self._touched:
-            self.estop()
-            self._touched = False
+            try:
+                self.estop()
+            finally:
+                self._touched = False  # `close` does not try again
 
     # ------------------------------------------------------------------------------- motors, estop
 

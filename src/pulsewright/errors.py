@@ -69,6 +69,14 @@ class BusTimeoutError(BusError, TimeoutError):
     """No board acknowledged a bus cycle in time."""
 
 
+class LateError(BusError):
+    """Commands that came later than their time: the motion is not exactly as planned."""
+
+
+class PositionUnknownError(PulsewrightError):
+    """Planned motion asked of a machine whose motors may have lost steps; reference it first."""
+
+
 class EstopError(PulsewrightError):
     """A board that is in emergency stop where it should run."""
 
@@ -89,6 +97,14 @@ class StarvedError(EstopError):
     def __init__(self, message: str, *, time: float, position: tuple[float, ...]) -> None:
         self.time, self.position = time, position
         super().__init__(message)
+
+
+class FollowingError(PulsewrightError):
+    """A motor that is not where it was commanded to be: steps were lost, or commands spoilt."""
+
+
+class LimitSwitchError(PulsewrightError):
+    """A limit switch that was hit in mid-move."""
 
 
 class CheckFailedError(PulsewrightError):

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -215,7 +216,7 @@ def test_starting_loads_nothing_heavy(statement, absent):
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_a_run_that_is_ended_leaves_nothing(folder, number, code):
-    """A job of an hour, ended once it has begun to write."""
+    """A job of an hour, ended once it has begun to write; the machine stands on its path."""
     path = write(folder, "G21 G90 F600\n" + "G1 X100\nG1 X0\n" * 180 + "M2\n")
     command = [sys.executable, "-c", "from pulsewright.app.cli import main; main()", "run", path]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
@@ -228,4 +229,12 @@ def test_a_run_that_is_ended_leaves_nothing(folder, number, code):
         _, complaint = process.communicate(timeout=60)
     assert process.returncode == code
     assert "Traceback" not in complaint
+    said = complaint.splitlines()
+    assert said[0] == f"pulsewright: {'terminated' if code == 143 else 'interrupted'}"
+    place = (
+        r"stopped within its limits on its path at \d+\.\d{3} s of the plan, line (\d+): X (\S+) Y"
+    )
+    (found,) = (re.search(place, line) for line in said[1:])
+    assert 2 <= int(found[1]) <= 361
+    assert 0 <= float(found[2]) <= 100
     assert not (folder / "out").exists()

@@ -80,3 +80,50 @@ def test_frames_that_cannot_be_close_the_connection(tmp_path):
         spi.socket.sendall(struct.pack("<II", 4097, 0))
         assert spi.socket.recv(1) == b""
         assert Spi(tmp_path / "bus").words(0xF100000000000001, 0) == [0, 0x20200404]
+
+
+def test_faults_of_a_served_board(tmp_path):
+    """Version register 0: the reply is in the second word."""
+    version, ask = 0x01000300, 0xF1000000000000_00
+    with serving(
+        "rapcores", listen=f"spi+unix:{tmp_path / 'bus'}", control=f"unix:{tmp_path / 'c'}"
+    ):
+        spi, control = Spi(tmp_path / "bus"), Control(tmp_path / "c")
+        ok = {"ok": True}
+        assert control("fault", kind="mute", count=16) == ok
+        assert spi.words(ask, 0) == [(1 << 64) - 1] * 2
+        assert spi.words(ask, 0) == [0, version]
+        assert control("fault", kind="flip", mask=1, of="read", after=8, count=1) == ok
+        assert spi.words(ask, 0) == [0, version ^ 1]
+        assert control("fault", kind="flip", mask=1, count=1) == ok  # asks for address 1
+        assert spi.words(ask, 0) == [0, 0x20200404]
+        # a byte of the header gets lost: the word is complete a byte later, and what the host hears
+        # is the reply from there on
+        assert control("fault", kind="lose", count=1) == ok
+        spi.words(ask, 0)
+        assert control("get")["framing"] == 1
+        assert control("fault", kind="double", count=1) == ok
+        spi.words(ask, 0)
+        assert control("get")["framing"] == 2
+        assert control("fault", kind="delay", seconds=0.3, count=1) == ok
+        begin = time.monotonic()
+        assert spi.words(ask, 0) == [0, version]
+        assert 0.3 <= time.monotonic() - begin < 5
+        spi.words(0xF2000000_00000002, 7)
+        assert control("get")["divider"] == 7
+        assert control("fault", kind="power", on=False) == ok
+        assert spi.words(ask, 0) == [(1 << 64) - 1] * 2
+        assert control("fault", kind="none") == ok
+        assert spi.words(ask, 0) == [0, version]
+        assert control("get")["divider"] == 40
+        assert control("pin", name="halt", value=0) == ok
+        deadline = time.monotonic() + 30
+        while not control("get")["halted"]:
+            assert time.monotonic() < deadline
+        assert (
+            "'name' should be one of halt, enc0_a" in control("pin", name="sck", value=0)["error"]
+        )
+        assert "'kind' should be one of mute" in control("fault", kind="stuck")["error"]
+        assert "no argument 'x'" in control("fault", kind="mute", x=1)["error"]
+        assert control("fault", kind="cut") == ok
+        assert spi.socket.recv(1) == b""

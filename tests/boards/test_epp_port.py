@@ -285,6 +285,34 @@ def test_flipped_bits():
     assert "0..255" in command("fault", kind="flip", mask=256)["error"]
 
 
+def test_with_a_stuck_wait_line_accesses_act_and_time_out():
+    port = make()
+    command = control(port)
+    command("fault", kind="stuck", count=4)
+    assert ask(port, "A1E W55 A0F R01") == "01ff"
+    assert port.twin.state()["width"] == 0x55
+    assert ask(port, "A0F R01") == "0041"
+    command("fault", kind="stuck")
+    assert ask(port, "A0F R02 R01") == "01ffff" + "01ff"
+    command("fault", kind="none")
+    assert ask(port, "A0F R01") == "0041"
+
+
+def test_writes_that_get_lost_or_come_twice():
+    """1E and 1F are next to each other: a write that came twice reaches both."""
+    port = make()
+    command = control(port)
+    command("fault", kind="lose", count=1)
+    assert ask(port, "A1E R01") == "0000"  # address 0, encoder 0
+    assert ask(port, "A1E") == ""
+    command("fault", kind="lose", count=1)
+    assert ask(port, "W55 W44 A0F R01") == "0041"
+    assert port.twin.state()["width"] == 0x44
+    command("fault", kind="double", count=2)
+    assert ask(port, "A1E W33 A0F R01") == "0041"
+    assert (port.twin.state()["width"], port.twin.state()["dout"]) == (0x33, 0x33)
+
+
 def test_a_board_without_power_forgets_and_does_not_answer():
     port = make()
     command = control(port)

@@ -14,7 +14,14 @@ from pulsewright.boards.rapcores.player import RapcoresPlayer, Told
 from pulsewright.boards.rapcores.twin import RapcoresTwin
 from pulsewright.edges.path import StepCounter, numbered_pins
 from pulsewright.edges.timing import DriveTiming
-from pulsewright.errors import BusError, EstopError, MotionLimitError, StarvedError, UsageError
+from pulsewright.errors import (
+    BusError,
+    EstopError,
+    MotionLimitError,
+    PositionUnknownError,
+    StarvedError,
+    UsageError,
+)
 from pulsewright.motion.trajectory import Trajectory
 from pulsewright.transport.spi_bus import SpiBus, VirtualSpiBus
 
@@ -285,6 +292,9 @@ def test_a_host_that_pauses_too_long_starves_the_board_and_resumes(depth):
         assert driver.buffer().used == 0
         with pytest.raises(StarvedError):
             player.play(math.inf)
+        with pytest.raises(PositionUnknownError, match="rapcores: the position is unknown"):
+            player.resume()
+        driver.reference()  # a motor of the twin loses no step
         player.resume()
     player.play(math.inf)
     assert driver.read_steps()[:2].tolist() == np.floor(plan.at(9.0)[0] + 0.5).tolist()

@@ -371,27 +371,39 @@ def doctor(as_json: Json = False) -> None:
 
 
 def _terminate(number: int, frame: object) -> None:
-    """Leave by way of all clean-ups, as an interrupt does."""
+    """Leave by way of all clean-ups."""
     sys.exit(128 + number)
+
+
+def _complain(message: str, error: BaseException) -> None:
+    """Print an error, with notes of where the machine stands."""
+    for line in (message, *getattr(error, "__notes__", ())):
+        print(f"pulsewright: {line}", file=sys.stderr)
 
 
 def main() -> None:
     """Run the command line; errors become one line and an exit code.
 
     2: unusable request or input; 1: a check failed, the link was lost or the board
-    stopped; 130: interrupted; 143: terminated. Boards are stopped before, and files that are not
-    whole are removed.
+    stopped; 130: interrupted; 143: terminated. Before that boards come to rest on their path and
+    are stopped, and files that are not whole are removed.
     """
     with suppress(ValueError):  # not in the main thread
         signal.signal(signal.SIGTERM, _terminate)
+        signal.signal(signal.SIGINT, _terminate)  # typer would end on an interrupt without a word
     try:
         sys.exit(app(standalone_mode=False))
     except PulsewrightError as error:
-        print(f"pulsewright: {error}", file=sys.stderr)
+        _complain(str(error), error)
         sys.exit(1 if isinstance(error, CheckFailedError | BusError | EstopError) else 2)
-    except (KeyboardInterrupt, typer.Abort):
-        print("pulsewright: interrupted", file=sys.stderr)
-        sys.exit(130)
+    except typer.Abort as error:
+        _complain("interrupted", error)
+        sys.exit(128 + signal.SIGINT)
+    except SystemExit as error:
+        ended = {128 + signal.SIGINT: "interrupted", 128 + signal.SIGTERM: "terminated"}
+        if error.code in ended:
+            _complain(ended[error.code], error)
+        raise
     except Exception as error:
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # usage, from typer
             print(f"pulsewright: {error.format_message()}", file=sys.stderr)

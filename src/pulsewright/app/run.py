@@ -15,6 +15,7 @@ from pulsewright import boards
 from pulsewright.app.planning import Clock, Outline, clock_time, interpreter_settings
 from pulsewright.app.progress import Progress, silent
 from pulsewright.boards.playing import Drives
+from pulsewright.boards.watching import Feedback, LimitSwitches
 from pulsewright.edges.path import numbered_pins
 from pulsewright.edges.timing import DriveTiming
 from pulsewright.edges.trace import EdgeTrace
@@ -23,7 +24,9 @@ from pulsewright.errors import CheckFailedError, MachineError, UsageError
 from pulsewright.files import replacing
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.gcode import interpret
+from pulsewright.motion.hold import AxisLimits
 from pulsewright.motion.machine import Machine
+from pulsewright.motion.moves import AXES
 from pulsewright.motion.plan import begin_times
 from pulsewright.motion.plan import plan as plan_moves
 from pulsewright.units import MICROSECOND
@@ -33,6 +36,7 @@ from pulsewright.verify.verdict import Verdict
 if TYPE_CHECKING:
     from pulsewright.motion.moves import Program
     from pulsewright.motion.trajectory import Trajectory
+    from pulsewright.transport.faults import Faults
 
 TRACE: Final = "trace.npz"
 CERTIFICATE: Final = "certificate.json"
@@ -110,9 +114,13 @@ class Job:
         out: Path | str | None = None,
         vcd: bool = False,
         record: Path | str | None = None,
+        faults: Faults | None = None,
         progress: Progress = silent,
     ) -> Result:
         """Run on a board and verify the step edges; write reports to ``out`` unless None.
+
+        Whatever ends it early, Ctrl-C and SIGTERM included, lets the machine come to rest on its
+        path within its limits, if the link lives; the error has a note of where that is.
 
         Parameters
         ----------
@@ -124,6 +132,8 @@ class Job:
             Write trace.vcd too.
         record : Path or str, optional
             File that keeps all that goes over the link, for `pulsewright replay`.
+        faults : Faults, optional
+            What goes wrong on the link; see `transport.faults`.
 
         Raises
         ------
@@ -133,6 +143,9 @@ class Job:
             If the board cannot follow the machine's rates.
         BusError, EstopError
             If the link failed, or the board stopped by itself.
+        FollowingError, LimitSwitchError
+            If a motor is not where it should be, or a limit switch is hit, as far as the machine
+            has ``encoders`` and ``switches`` and the board can tell.
         """
         settings, machine = self.machine.board, self.machine
         name = board or settings.name
@@ -143,6 +156,7 @@ class Job:
             link or machine.link.url,
             profile=profile or (settings.profile if own else None),
             record=record,
+            faults=faults,
             **room.parameters_for(machine.motors) | _switches(machine if own else None),
         )
         matrix = machine.motor_matrix()
@@ -156,12 +170,16 @@ class Job:
             setup=machine.drive.direction_setup_us * MICROSECOND,
             hold=machine.drive.direction_hold_us * MICROSECOND,
         )
-        with driver:
+        with self._place_told(driver), driver:
             recorder = _recorder(driver, link or machine.link.url)
+            held = AxisLimits(rows @ np.linalg.pinv(matrix), acceleration, machine.jerk_limits())
             player = room.player(
                 driver,
                 self.trajectory.mapped(matrix),
-                Drives(rates, accelerations, jerks, drive),
+                Drives(
+                    *(rates, accelerations, jerks, drive, held),
+                    **_watched(machine if own else None),
+                ),
             )
             with self.clock.stage("convert and run"):
                 player.prepare()
@@ -209,6 +227,30 @@ class Job:
                 result.write(folder, vcd=vcd)
                 progress("report", 1.0)
         return result
+
+    @contextmanager
+    def _place_told(self, driver: Any) -> Iterator[None]:
+        """Add to what ends a ``with`` block early a note of where the machine stands."""
+        try:
+            yield
+        except BaseException as error:
+            stop = driver.stopped_at
+            if not driver.position_known:
+                error.add_note("the position is unknown: reference the machine before it runs on")
+            elif stop is not None:
+                place = self.trajectory.at(stop.time)[0]
+                axes = [f"{a} {place[AXES.index(a)]:.3f}" for a in self.machine.axes]
+                error.add_note(
+                    f"stopped within its limits on its path at {stop.time:.3f} s of the plan, "
+                    f"line {self._line(stop.time)}: {' '.join(axes)}"
+                )
+            raise
+
+    def _line(self, time: float) -> int:
+        """Return the line of the program that the plan is on at ``time`` [s]."""
+        plan = self.trajectory
+        k = np.clip(np.searchsorted(plan.start, time, "right") - 1, 0, len(plan.element) - 1)
+        return int(self.program.moves.line[plan.move[plan.element[k]]])
 
     def summary(self) -> dict[str, Any]:
         """Return what is known before running, in plain types."""
@@ -401,6 +443,17 @@ def _switches(machine: Machine | None) -> dict[str, int]:
             )
         switches[name] = int(value)
     return switches
+
+
+def _watched(machine: Machine | None) -> dict[str, Any]:
+    """Return what a machine file says of encoders and limit switches at its board."""
+    watched: dict[str, Any] = {}
+    if machine is not None and machine.encoders is not None:
+        encoders = machine.encoders
+        watched["feedback"] = Feedback(encoders.counts_per_step, encoders.following_error)
+    if machine is not None and machine.switches is not None:
+        watched["switches"] = LimitSwitches(machine.switches.inputs, machine.switches.active)
+    return watched
 
 
 def _recorder(driver: Any, link: str) -> Any:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pulsewright.boards.rapcores.driver import RapcoresDriver
     from pulsewright.boards.s3g.driver import S3GDriver
     from pulsewright.boards.usc.driver import UscDriver
+    from pulsewright.transport.faults import Faults
 
 BOARDS: Final = {
     board.name: board for board in (pluto_step.BOARD, rapcores.BOARD, s3g.BOARD, usc.BOARD)
@@ -42,6 +43,7 @@ def open_board(
     profile: str | None = ...,
     *,
     record: Path | str | None = ...,
+    faults: Faults | None = ...,
     **options: int,
 ) -> PlutoStepDriver: ...
 @overload
@@ -51,6 +53,7 @@ def open_board(
     profile: str | None = ...,
     *,
     record: Path | str | None = ...,
+    faults: Faults | None = ...,
     **options: int | str,
 ) -> RapcoresDriver: ...
 @overload
@@ -60,6 +63,7 @@ def open_board(
     profile: str | None = ...,
     *,
     record: Path | str | None = ...,
+    faults: Faults | None = ...,
     **options: int,
 ) -> S3GDriver: ...
 @overload
@@ -69,6 +73,7 @@ def open_board(
     profile: str | None = ...,
     *,
     record: Path | str | None = ...,
+    faults: Faults | None = ...,
     **options: int,
 ) -> UscDriver: ...
 @overload
@@ -78,6 +83,7 @@ def open_board(
     profile: str | None = ...,
     *,
     record: Path | str | None = ...,
+    faults: Faults | None = ...,
     **options: int | str,
 ) -> Any: ...
 
@@ -88,6 +94,7 @@ def open_board(
     profile: str | None = None,
     *,
     record: Path | str | None = None,
+    faults: Faults | None = None,
     **options: int | str,
 ) -> Any:
     """Open a board behind a link and return its driver. Nothing is sent to the board yet.
@@ -102,6 +109,9 @@ def open_board(
         How contradictions in the board's document are resolved; see the README of its room.
     record : Path or str, optional
         File that keeps all that goes over the link, for `pulsewright replay`.
+    faults : Faults, optional
+        What goes wrong on the link, as far as it is told to: see `transport.faults`. A recording
+        has what the driver saw of it.
     **options : int or str
         Profile switches that differ from the profile, and parameters that the room knows: channels.
         Some have values with names, such as ``motor_driver="h_bridge"``.
@@ -126,6 +136,10 @@ def open_board(
     if baud := links.bit_rate(board, link):
         numbers = {"baud1": baud} | numbers
     bus: Any = links.open_bus(board, link, profile, numbers)
+    if faults is not None:
+        from pulsewright.transport.faults import faulty
+
+        bus = faulty(board.bus, bus, faults)
     if record is not None:
         from pulsewright.transport.recording import Recorder, recorded
 

@@ -91,8 +91,11 @@ class EppControl(Control):
         self._port, self._twin = port, port.twin
         self._faults: dict[str, Command] = {
             "none": self._no_fault,
-            "mute": self._mute,
+            "mute": lambda r: self._counted("mute", r),
             "flip": self._flip,
+            "stuck": lambda r: self._counted("stuck", r),
+            "lose": lambda r: self._counted("lose", r),
+            "double": lambda r: self._counted("double", r),
             "delay": self._delay,
             "power": self._power,
             "cut": self._cut_off,
@@ -160,12 +163,13 @@ class EppControl(Control):
 
     def _no_fault(self, request: dict[str, Any]) -> None:
         link = self._port.link
-        link["mute"] = link["flip_reads"] = link["flip_writes"] = 0
+        for name in ("mute", "stuck", "lose", "double", "flip_reads", "flip_writes"):
+            link[name] = 0
         self._port.delays, self._port.delay_s = 0, 0.0
         self._port.power(True)
 
-    def _mute(self, request: dict[str, Any]) -> None:
-        self._port.link["mute"] = _count(request)
+    def _counted(self, kind: str, request: dict[str, Any]) -> None:
+        self._port.link[kind] = _count(request)
 
     def _flip(self, request: dict[str, Any]) -> None:
         mask, of = number(request, "mask"), request.get("of", "read")
@@ -203,7 +207,13 @@ class LiveControl(Control):
 
     def commands(self) -> dict[str, Command]:
         """Return the commands."""
-        return {"get": self._get, "steps": self._steps, "reset": self._reset, "fault": self._fault}
+        return {
+            "get": self._get,
+            "steps": self._steps,
+            "pin": self._pin,
+            "reset": self._reset,
+            "fault": self._fault,
+        }
 
     def _get(self, request: dict[str, Any]) -> dict[str, Any]:
         self._port.catch_up()
@@ -214,11 +224,30 @@ class LiveControl(Control):
         state = self._get(request)
         return {"t": state["t"], "steps": state["position"]}
 
+    def _pin(self, request: dict[str, Any]) -> None:
+        """Bring an input pin to a level now; those of the link are the link's."""
+        twin = self._port.twin
+        pins = [pin for pin in twin.input_pins if pin not in self._port.link_pins]
+        if (name := request.get("name")) not in pins:
+            raise UsageError(f"'name' should be one of {', '.join(pins)}")
+        self._port.catch_up()
+        twin.schedule([twin.now + 1], name, number(request, "value"))
+
     def _reset(self, request: dict[str, Any]) -> None:
         self._port.catch_up()
         self._port.reset()
 
     def _fault(self, request: dict[str, Any]) -> None:
-        if request.get("kind") != "cut":
-            raise UsageError("'kind' should be cut")
-        self._cut()
+        arguments = {name: value for name, value in request.items() if name not in ("cmd", "kind")}
+        kind = request.get("kind")
+        if kind not in self._port.fault_kinds:
+            raise UsageError(f"'kind' should be one of {', '.join(self._port.fault_kinds)}")
+        self._port.catch_up()
+        if kind == "cut":
+            self._cut()
+        elif kind == "power":
+            self._port.power(switch(request, "on"))
+        else:
+            self._port.faults.inject(kind, **arguments)
+            if kind == "none":
+                self._port.power(True)

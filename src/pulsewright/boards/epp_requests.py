@@ -64,6 +64,8 @@ LINK: Final = np.dtype(
             *("frames", "bus_frames", "ninit", "config_bytes", "config_crc"),
             # faults: accesses not acknowledged (-1: all), bits flipped in data read or written
             *("mute", "flip_read", "flip_reads", "flip_write", "flip_writes", "power"),
+            # writes that boards do not see, or see twice; accesses carried out, not acknowledged
+            *("lose", "double", "stuck"),
             # client to converse with, -1: none; file descriptors to look at; bytes in and out
             *("fd", "polls", "bytes_in", "bytes_out"),
             # what the system says of the time
@@ -265,14 +267,22 @@ def begin(s: Any, link: Any, memory: Memory, board: Board) -> int:
     link.bus_frames += 1
     link.op, link.address, link.first_answered = op, board.address(s), 0
     link.accesses = arg if reads else 1
+    lost = not reads and link.lose != 0
+    if lost:
+        link.lose -= 1 if link.lose > 0 else 0
+    elif not reads and link.double:
+        link.accesses = 2
+        link.double -= 1 if link.double > 0 else 0
     for n in range(link.accesses):
         access = memory.accesses[n]
         access.cycle, access.op, access.value, access.timeout = cycle, op, arg, 0
     if not reads and link.flip_writes:
-        memory.accesses[0].value ^= link.flip_write
+        for n in range(link.accesses):
+            memory.accesses[n].value ^= link.flip_write
         link.flip_writes -= 1 if link.flip_writes > 0 else 0
-    link.done = 0
-    mute(s, link, memory, board)
+    link.done = link.accesses if lost else 0
+    if not lost:
+        mute(s, link, memory, board)
     return DONE
 
 
@@ -316,6 +326,12 @@ def finish(link: Any, memory: Memory) -> None:
     """Reply to the request whose accesses are done, and note it."""
     accesses = memory.accesses[: link.accesses]
     for n in range(link.accesses):
+        if link.stuck:
+            link.stuck -= 1 if link.stuck > 0 else 0
+            if link.op != ADDRESS_WRITE:
+                accesses[n].timeout = 1
+            if link.op in (DATA_READ, ADDRESS_READ):
+                accesses[n].value = 0xFF
         link.timeout |= accesses[n].timeout
     if link.op in (DATA_READ, ADDRESS_READ):
         memory.replies[link.replied] = link.timeout

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from pulsewright.edges.trace import EdgeTrace
+from pulsewright.transport.faults import FLOATING, Faults
 from pulsewright.transport.server import Connection
 
 PIECE_S: Final = 0.002  # [s]
@@ -38,9 +39,16 @@ class LivePort:
 
     Attributes
     ----------
+    faults : Faults
+        Of the link.
+    link_pins : tuple of str
+        Inputs of the board that the link drives.
     lost : float
         Time that stood still for the board, as this computer was too slow for it [s].
     """
+
+    link_pins: tuple[str, ...] = ()
+    fault_kinds: Final = ("mute", "lose", "double", "flip", "delay", "power", "cut", "none")
 
     def __init__(
         self,
@@ -50,6 +58,7 @@ class LivePort:
         effort: Callable[[], float] = time.thread_time,
     ) -> None:
         self.twin, self._edges, self._clock, self._effort = twin, edges, clock, effort
+        self.faults, self._powered = Faults(), True
         self.lost = 0.0
         self.start()
 
@@ -89,6 +98,17 @@ class LivePort:
         self.twin.reset()
         self._look()
 
+    def power(self, on: bool) -> None:
+        """Switch the board off, which then forgets everything, or on."""
+        if self._powered != on:
+            self.reset()
+            self.faults.inject("power", on=on)
+            self._powered = on
+
+    def delay(self) -> float:
+        """Return how much later than usual the reply comes that was just made [s]."""
+        return self.faults.delay()
+
     def _look(self) -> None:
         chunk = self.twin.drain(copy=False)
         if self._edges is not None:
@@ -101,6 +121,8 @@ class SerialPort(LivePort):
     All of them hear what the board sends. Bytes take the time that they take on the wire; a client
     that sends faster has to wait.
     """
+
+    link_pins = ("avr_tx", "ext_tx")
 
     def __init__(
         self,
@@ -123,14 +145,20 @@ class SerialPort(LivePort):
 
     def send(self, data: bytes) -> None:
         """Put bytes on the wire."""
-        self._free = self.twin.send(1, data)
+        data, _ = self.faults.spoil(data, "write")
+        if data:
+            self._free = self.twin.send(1, data)
         self._pause()
 
     def tick(self) -> None:
         """Bring the twin to the present, and the clients what it sent."""
         self.catch_up()
-        if reply := self.twin.receive(1):
+        reply, _ = self.faults.spoil(self.twin.receive(1), "read")
+        if reply:
+            late = self.delay()
             for session in list(self._sessions):
+                if late:
+                    session.connection.hold(late)
                 session.connection.send(reply)
         self._pause()
 
@@ -166,6 +194,8 @@ class SpiPort(LivePort):
         Cycles from the board's start until it can take a frame.
     """
 
+    link_pins = ("cs", "sck", "copi", "rst_n")
+
     def __init__(
         self,
         twin: Any,
@@ -197,6 +227,10 @@ class SpiPort(LivePort):
             Leave CS low: the next frame goes on with this one.
         """
         self.catch_up()
+        reply = self.faults.frame(data, lambda sent: self._carry_out(sent, keep_selected))
+        return bytes([FLOATING]) * len(data) if reply is None else reply
+
+    def _carry_out(self, data: bytes, keep_selected: bool) -> bytes:
         begin = max(self._free, self.twin.now + 1)
         if not keep_selected and not self._selected:
             reply, self._free = self.twin.transfer(begin, data, self._half)

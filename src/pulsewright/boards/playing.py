@@ -1,23 +1,40 @@
-"""What converting and playing a plan by updates at even times takes, whatever the board."""
+"""What playing a plan takes, whatever the board; and converting it to updates at even times."""
 
 from __future__ import annotations
 
 import math
+import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.boards.driving import Stop
+from pulsewright.boards.watching import Feedback, LimitSwitches, check_positions, check_switches
 from pulsewright.edges.timing import DriveTiming
-from pulsewright.errors import MotionLimitError
+from pulsewright.errors import (
+    LateError,
+    MotionLimitError,
+    UsageError,
+)
+from pulsewright.interrupts import kept_back
+from pulsewright.motion.hold import AxisLimits, hold
 
 if TYPE_CHECKING:
     from pulsewright.motion.trajectory import Trajectory
 
 U = TypeVar("U")  # updates: native commands in columns, of one board
+
+LOOK: Final = 0.1  # of a plan, from one look at the board's positions to the next [s]
+WATCH: Final = 0.02  # the same where there are switches or encoders to look at [s]
+ROUNDING: Final = 1.0  # by which a position in motion may differ beside the way of an update [step]
+PORTION: Final = 16  # updates that are streamed at once, at first
+QUICK: Final = 0.01  # portions that take less time of the host are doubled [s], ...
+SLOW: Final = 0.04  # ... and those that take more are halved
+SETTLED: Final = 2  # updates ahead of the next one, up to which a plan may have been looked at
 
 
 @dataclass(frozen=True)
@@ -29,12 +46,168 @@ class Drives:
     rates, accelerations, jerks : (motors,) float
         The most that each motor may do [step/s, step/s^2, step/s^3].
     timing : DriveTiming
+    limits : AxisLimits, optional
+        What holds for a plan that is left in its middle; default is what holds for the motors.
+    feedback : Feedback, optional
+        Without it nobody notices that a motor did not follow.
+    switches : LimitSwitches, optional
+        Without it the emergency stop chain has to have them.
     """
 
     rates: Sequence[float]
     accelerations: Sequence[float]
     jerks: Sequence[float]
     timing: DriveTiming
+    limits: AxisLimits | None = None
+    feedback: Feedback | None = None
+    switches: LimitSwitches | None = None
+
+
+class Player(ABC):
+    """A plan played on a board, and left on a ramp. `prepare` comes first.
+
+    Ctrl-C and SIGTERM wait for the end of the commands that are being sent. Leaving the driver's
+    ``with`` block, for whatever reason, calls `stop`.
+
+    Parameters
+    ----------
+    driver
+        Of the board; nothing else may use it while this plays, but for outputs.
+    trajectory : Trajectory
+        Motor positions [step].
+    drives : Drives
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+        What is played: after `stop`, with its way to rest.
+    stopped_at : Stop or None
+        What `stop` returned.
+    """
+
+    def __init__(self, driver: Any, trajectory: Trajectory, drives: Drives) -> None:
+        self.driver, self.trajectory = driver, trajectory
+        self.limits = drives.limits or AxisLimits.of_motors(drives.accelerations, drives.jerks)
+        self.stopped_at: Stop | None = None
+        self._interrupted: Callable[[], bool] = lambda: False
+
+    def prepare(self) -> None:
+        """Bring the board from any state to rest, ready to move.
+
+        Raises
+        ------
+        PositionUnknownError
+            If the motors may have lost steps before: reference the machine, and call the driver's
+            ``reference``.
+        MotionLimitError
+            If the board cannot follow the motors' rates or accelerations with these pulses on this
+            link.
+        RegisterValueError, UsageError
+            If a pulse time is more than the board can make, or its profile cannot play plans.
+        BusError, EstopError
+            If there is no such board, the link fails, or emergency stop is not left.
+        """
+        self.driver.require_position()
+        self._prepare()
+        self.driver.require_position()  # that may have halted something
+        # what a stop needs is compiled now, and not when it is urgent
+        hold(self.trajectory, self.trajectory.duration / 2, self.limits)
+        self.driver.begin_plan(self)
+
+    def play(self, until: float) -> None:
+        """Stream the plan up to ``until`` [s], and see that the board ran all the time.
+
+        Raises
+        ------
+        EstopError
+            If the board stopped, or its watchdog expired: the position is unknown.
+        FollowingError, LimitSwitchError
+            If a motor is not where it should be, or a limit switch is hit; see `Drives`.
+        StarvedError
+            If a board that buffers motion got none in time, and has stopped by itself.
+        BusError
+            If the link failed, or commands came late: the position is unknown.
+        UsageError
+            If the plan was left by `stop`.
+        """
+        if self.stopped_at is not None:
+            raise UsageError(
+                f"this plan was left at {self.stopped_at.time:.3f} s; play a new one from there"
+            )
+        with kept_back() as self._interrupted:
+            try:
+                self._play(until)
+            except BaseException as error:
+                self._lost(error)
+                raise
+        if self.done:
+            self.driver.end_plan()
+
+    def stop(self) -> Stop | None:
+        """Leave the plan, and come to rest on its path within the machine's limits.
+
+        Acceleration and jerk are those of `Drives`; the path is the plan's. The motors stay
+        enabled, and the position is known, unless commands came late, before or now. Returns None
+        if the plan was not under way.
+
+        A second Ctrl-C meanwhile stops at once, by emergency stop.
+
+        Raises
+        ------
+        EstopError, BusError
+            If the board has stopped or the link failed; the position is unknown.
+        """
+        if not self.driver.plays(self):
+            return self.stopped_at
+        with kept_back() as self._interrupted:
+            try:
+                self.stopped_at = self._stop()
+            except BaseException as error:
+                self._lost(error)
+                self.driver.end_plan()
+                raise
+            if self._interrupted():
+                self.driver.estop()
+        self.driver.end_plan()
+        self.driver.stopped_at = self.stopped_at
+        return self.stopped_at
+
+    def speed(self) -> float:
+        """Return the highest commanded rate of a motor now [step/s]; 0 where it is not known."""
+        return 0.0
+
+    def _lost(self, error: BaseException) -> None:
+        """Note that an error has ended the motion, or that it is not as planned any more."""
+        self.driver.lose_position()
+        if not isinstance(error, LateError):
+            self.driver.end_plan()
+
+    @property
+    @abstractmethod
+    def update(self) -> float:
+        """Time between commands [s]: two of them after a stop, every step of it has been made."""
+
+    @property
+    @abstractmethod
+    def start_cycle(self) -> int:
+        """Clock cycle of the plan's second 0."""
+
+    @property
+    @abstractmethod
+    def done(self) -> bool:
+        """Whether the whole plan has been played."""
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """Do what `prepare` says."""
+
+    @abstractmethod
+    def _play(self, until: float) -> None:
+        """Do what `play` says; return early when interrupted."""
+
+    @abstractmethod
+    def _stop(self) -> Stop | None:
+        """Do what `stop` says; return None, early, when interrupted."""
 
 
 class UpdateConverter(ABC, Generic[U]):
@@ -79,10 +252,20 @@ class UpdateConverter(ABC, Generic[U]):
         self.update_cycles = update_cycles
         self.start_cycle = first_cycle + update_cycles
         self.position = 0
+        self.way = np.zeros(trajectory.axes, np.int64)  # of each motor in the last update [step]
         self._clock_hz, self._first_cycle = clock_hz, first_cycle
-        duration = math.ceil(trajectory.duration * clock_hz)
-        # one update before time 0, and three to see the last step out and rest
-        self.total = -(-duration // update_cycles) + 4
+        self.total = self._updates(trajectory)
+
+    @property
+    def free_from(self) -> float:
+        """Time from which on the plan may be another one [s]; up to it, it may have been used."""
+        cycle = self._first_cycle + (self.position + SETTLED) * self.update_cycles
+        return max(self._seconds(cycle), 0.0)
+
+    def follow(self, trajectory: Trajectory) -> None:
+        """Go on with a plan that is the same up to `free_from`, piece by piece."""
+        self.trajectory = trajectory
+        self.total = self._updates(trajectory)
 
     @property
     def done(self) -> bool:
@@ -101,36 +284,54 @@ class UpdateConverter(ABC, Generic[U]):
     def convert(self, count: int) -> U:
         """Return the next ``count`` updates, fewer at the end."""
 
+    @property
+    def next_cycle(self) -> int:
+        """Clock cycle of the next update."""
+        return self._first_cycle + self.position * self.update_cycles
+
+    @property
+    @abstractmethod
+    def count(self) -> NDArray[np.int64]:
+        """Position of each motor after the updates converted so far [step], shape (motors,)."""
+
+    def _updates(self, trajectory: Trajectory) -> int:
+        """Return how many updates a plan takes."""
+        duration = math.ceil(trajectory.duration * self._clock_hz)
+        # one update before time 0, and three to see the last step out and rest
+        return -(-duration // self.update_cycles) + 4
+
     def _next_cycles(self, count: int) -> NDArray[np.int64]:
         """Return the cycles of the next ``count`` updates, of fewer at the end."""
         n = max(min(count, self.total - self.position), 0)
         numbers = self.position + np.arange(n, dtype=np.int64)
         return self._first_cycle + numbers * self.update_cycles
 
+    def _note_way(self, before: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+        """Keep how far the last update goes: ``counts`` (n, axes) follow ``before``."""
+        if len(counts):
+            ahead = counts[-2, : len(before)] if len(counts) > 1 else before
+            self.way = np.abs(counts[-1, : len(before)] - ahead)
+
     def _seconds(self, cycle: int) -> float:
         """Return the time of the plan at a clock cycle [s]."""
         return (cycle - self.start_cycle) / self._clock_hz
 
 
-class UpdatePlayer(ABC, Generic[U]):
-    """A plan streamed to a board in portions. `prepare` comes first and sets ``_converter``.
+class UpdatePlayer(Player, Generic[U]):
+    """A plan streamed to a board in portions. ``_prepare`` sets ``_converter``.
 
-    Parameters
-    ----------
-    driver
-        Of the board; nothing else may use it while this plays.
-    trajectory : Trajectory
-        Motor positions [step].
+    Parameters as `Player`.
     """
 
-    def __init__(self, driver: Any, trajectory: Trajectory) -> None:
-        self.driver = driver
-        self.trajectory = trajectory
+    def __init__(self, driver: Any, trajectory: Trajectory, drives: Drives) -> None:
+        super().__init__(driver, trajectory, drives)
+        self._feedback, self._switches = drives.feedback, drives.switches
         self._converter: UpdateConverter[U] | None = None
+        self._portion = PORTION
+        self._looked = 0  # updates sent since the positions were looked at
+        self._look_cycles = 0  # time that `_off` takes on this link
 
-    @abstractmethod
-    def prepare(self) -> None:
-        """Bring the board from any state to rest, ready to move."""
+    _blame = "bytes on the way to the board were spoilt, or something else has moved it"
 
     @property
     def converter(self) -> UpdateConverter[U]:
@@ -154,15 +355,89 @@ class UpdatePlayer(ABC, Generic[U]):
         """Whether the whole plan has been sent."""
         return self.converter.done
 
-    def play(self, until: float) -> None:
-        """Stream the plan up to ``until`` [s], and see that the board ran all the time.
+    def _play(self, until: float) -> None:
+        left = self.converter.updates_until(until)
+        watched = self._feedback is not None or self._switches is not None
+        look = max(math.ceil((WATCH if watched else LOOK) / self.update), 1)
+        while left > 0 and not self._interrupted():
+            count = self._stream(min(left, look - self._looked))
+            left -= count
+            self._looked += count
+            if self._looked == look:
+                self._looked = 0
+                self.check()
+        self.check()
+
+    def _stop(self) -> Stop | None:
+        converter = self.converter
+        self.trajectory, time = hold(self.trajectory, converter.free_from, self.limits)
+        converter.follow(self.trajectory)
+        while not converter.done:
+            if self._interrupted():
+                return None
+            try:
+                self._stream(converter.total)
+            except LateError:  # a ramp that is not exact is better than none
+                self.driver.lose_position()
+        self.check()
+        return Stop(time, tuple(converter.count.tolist()))
+
+    def check(self) -> None:
+        """See that the board runs, no limit switch is hit, and motors are where they should be.
+
+        In motion a motor may be off by the way of an update; and where the next one is due before
+        the board could answer, positions are not looked at.
 
         Raises
         ------
-        EstopError
-            If the board stopped, or its watchdog expired: the position is lost.
-        BusError
-            If the link failed.
+        EstopError, BusError
+            As `play`.
+        LimitSwitchError, FollowingError
+            If not.
         """
-        self.driver.stream(self.converter.convert(self.converter.updates_until(until)))
         self.driver.check_running()
+        if self._switches is not None:
+            check_switches(self.driver, self._switches)
+        converter, bus = self.converter, self.driver.bus
+        done = converter.done
+        if not done and bus.now() + self._look_cycles > converter.next_cycle:
+            return
+        off = self._off()
+        if off is None:
+            return
+        bounds = np.full(
+            len(off), 0.5 if self._feedback is None else self._feedback.following_error
+        )
+        if not done:
+            bounds += converter.way[: len(off)] + ROUNDING
+        check_positions(self.driver.registers.board, off, bounds, self._blame)
+
+    def _off(self) -> NDArray[np.float64] | None:
+        """Return by how much each motor is off where the updates sent lead it [step], if known.
+
+        Of the first motors; as the converter has them, when the next update takes effect.
+        """
+        return None
+
+    def _measure(self, look: Callable[[], object]) -> None:
+        """Note how long it takes on this link to look at the positions."""
+        begin = self.driver.bus.now()
+        look()
+        self._look_cycles = self.driver.bus.now() - begin
+
+    def _stream(self, most: int) -> int:
+        """Convert and stream the next updates; return how many.
+
+        They take the host little time, so that signals are seen soon: on links where they are sent
+        at their time, and on others.
+        """
+        count, begin = min(most, self._portion), time.monotonic()
+        try:
+            self.driver.stream(self.converter.convert(count))
+        finally:
+            spent = time.monotonic() - begin
+            if spent < QUICK and count == self._portion:
+                self._portion *= 2
+            elif spent > SLOW:
+                self._portion = max(self._portion // 2, 1)
+        return count

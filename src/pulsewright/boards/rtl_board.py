@@ -93,7 +93,7 @@ class RtlEppBoard:
 
     def drain(self) -> EdgeTrace:
         """Return all level changes of the pins since the last call."""
-        rows = np.concatenate(self._rows)
+        rows = np.concatenate([np.zeros(0, self._simulation.outputs), *self._rows])
         self._rows = []
         start, end = self._start, self._simulation.cycle
         cycles, final = pin_changes(rows, self._bits, self._levels)

@@ -83,11 +83,18 @@ def _one_of(allowed: Sequence[str]) -> AfterValidator:
     return AfterValidator(check)
 
 
+def _not_zero(value: float) -> float:
+    if value == 0:
+        raise ValueError("must not be 0")
+    return value
+
+
 Letter = Annotated[str, _one_of(AXES)]
 WorkOffset = Annotated[str, _one_of(WORK_OFFSETS)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+NotZero = Annotated[Finite, AfterValidator(_not_zero)]
 Scale = Annotated[Fraction, BeforeValidator(_exact)]
 Coordinates = Annotated[dict[Letter, Finite], BeforeValidator(_upper_keys)]
 Motors = Annotated[tuple[int, ...], BeforeValidator(_motor_tuple)]
@@ -176,6 +183,21 @@ class Outputs(_Table):
     flood: Bit | None = None
 
 
+class Encoders(_Table):
+    """Encoders of the motors, at the board: encoder i is on motor i."""
+
+    counts_per_step: Annotated[tuple[NotZero, ...], Field(min_length=1)]
+    following_error: Positive = 2.0
+    """So far a motor may be from where it is commanded to be, at rest [step]."""
+
+
+class Switches(_Table):
+    """Limit switches at digital inputs of the board; ``active`` is their level when hit."""
+
+    inputs: Annotated[tuple[Bit, ...], Field(min_length=1)]
+    active: Annotated[int, Field(strict=True, ge=0, le=1)] = 1
+
+
 class Machine(_Table):
     """A machine: axes and limits, drives, board and shop settings.
 
@@ -196,6 +218,8 @@ class Machine(_Table):
     board: Board = Board()
     link: Link = Link()
     outputs: Outputs = Outputs()
+    encoders: Encoders | None = None
+    switches: Switches | None = None
     start: Coordinates = Field(default_factory=dict)
     offsets: dict[WorkOffset, Coordinates] = Field(default_factory=dict)
     tools: dict[Annotated[int, Field(ge=0)], Tool] = Field(default_factory=dict)

@@ -25,6 +25,9 @@ class Port(Protocol):
     def transfer(self, data: bytes, keep_selected: bool) -> bytes:
         """Send bytes, at least one, and return as many."""
 
+    def delay(self) -> float:
+        """Return how much later than usual the reply comes that was just made [s]."""
+
 
 class SpiSession:
     """Frames of one client."""
@@ -44,6 +47,8 @@ class SpiSession:
                 break
             if length:
                 reply = self._port.transfer(block[HEADER.size : end], bool(flags & KEEP_SELECTED))
+                if delay := self._port.delay():
+                    self._connection.hold(delay)
                 self._connection.send(reply)
             block = block[end:]
         self._rest = block

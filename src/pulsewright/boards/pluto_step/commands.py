@@ -189,6 +189,11 @@ class Converter(UpdateConverter[Updates]):
         """Position of each motor after the updates converted so far [step], shape (motors,)."""
         return self._state[:, 0] // units_per_step(self.timing.tap)
 
+    @property
+    def units(self) -> NDArray[np.int64]:
+        """The same in units of the board's registers, whose zero is the plan's, shape (motors,)."""
+        return self._state[:, 0].copy()
+
     def convert(self, count: int) -> Updates:
         """Return the next ``count`` updates, fewer at the end.
 
@@ -201,7 +206,7 @@ class Converter(UpdateConverter[Updates]):
         from pulsewright.boards.pluto_step.commands_kernel import convert  # numba: on first use
 
         cycle = self._next_cycles(count)
-        n = len(cycle)
+        n, before = len(cycle), self.count
         updates = Updates(cycle, np.zeros((n, AXES), np.int16), np.zeros((n, AXES), np.int64))
         plan, timing = self.trajectory, self.timing
         worst, axis, when = convert(
@@ -232,4 +237,5 @@ class Converter(UpdateConverter[Updates]):
                 f"lower the velocity or acceleration of that axis"
             )
         self.position += n
+        self._note_way(before, updates.count)
         return updates

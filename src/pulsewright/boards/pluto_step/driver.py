@@ -25,7 +25,7 @@ from pulsewright.boards.pluto_step.burst import (
     RateUpdates,
 )
 from pulsewright.boards.pluto_step.limits import finest_tap, units_per_step, velocity_limit
-from pulsewright.errors import BusError, EstopError, RegisterValueError, UsageError
+from pulsewright.errors import BusError, EstopError, LateError, RegisterValueError, UsageError
 from pulsewright.registers.codec import decode_bytes, encode_bytes
 from pulsewright.registers.model import Register
 from pulsewright.transport.bus import (
@@ -164,6 +164,7 @@ class PlutoStepDriver(Driver[EppBus]):
         RegisterValueError
             If ``max_rate`` cannot be reached with these times.
         """
+        self._halting(max(map(abs, self.step_rates())))
         self._live = self._lapsed = False
         self._velocity[:] = 0
         self._outputs = 0
@@ -227,12 +228,15 @@ class PlutoStepDriver(Driver[EppBus]):
         return tuple((self._velocity * self.rate_resolution).tolist())
 
     def stop(self, axis: int | None = None) -> None:
-        """Halt one axis, or all of them, at once: no ramp. A pulse in flight is finished."""
-        if axis is None:
-            self._velocity[:] = 0
-        else:
+        """Halt one axis, or all of them, at once: no ramp. A pulse in flight is finished.
+
+        The position is unknown then, if it ran faster than `start_stop_rate`.
+        """
+        if axis is not None:
             self._require("axis", axis, AXES)
-            self._velocity[axis] = 0
+        axes = slice(None) if axis is None else slice(axis, axis + 1)
+        self._halting(max(map(abs, self.step_rates()[axes])))
+        self._velocity[axes] = 0
         self._write_cycle()
 
     def max_step_rate(self) -> float:
@@ -297,12 +301,12 @@ class PlutoStepDriver(Driver[EppBus]):
 
         Raises
         ------
-        BusError
+        LateError
             If an access acted at another cycle than asked: the motion is not what was planned.
         BusTimeoutError
             If the board did not acknowledge.
         EstopError
-            If `release_estop` was not called.
+            If `release_estop` was not called, or the watchdog has expired since.
         RegisterValueError
             If a velocity is beyond `max_velocity`.
         """
@@ -323,6 +327,9 @@ class PlutoStepDriver(Driver[EppBus]):
                 f"allowed are -{limit}..{limit} with steps of {self._step_ticks} + "
                 f"{self._space_ticks} ticks; plan with the pulse timing of this board"
             )
+        if self._since_feed() >= WATCHDOG_TIME:  # another feed would drive the pins again
+            self._lapsed = True
+            self.check_running()
         for first in range(0, n, STREAM_BURSTS):
             part = slice(first, first + STREAM_BURSTS)
             self._stream(cycle[part], velocity[part])
@@ -454,8 +461,11 @@ class PlutoStepDriver(Driver[EppBus]):
     def estop(self) -> None:
         """Halt the axes, switch the outputs off, and let the watchdog expire within 6.5 ms.
 
+        There is no ramp: the position is unknown then, if an axis ran faster than
+        `start_stop_rate`.
         Without `release_estop` before, the watchdog may not be enabled: then the pins stay driven.
         """
+        self._halting(max(map(abs, self.step_rates())))
         self._live = False
         self._velocity[:] = 0
         self._outputs = 0
@@ -471,6 +481,7 @@ class PlutoStepDriver(Driver[EppBus]):
         EstopError
             If feeding it takes too long on this link.
         """
+        self._halting(max(map(abs, self.step_rates())))
         self._velocity[:] = 0
         self._live = True
         self._write_cycle()
@@ -494,6 +505,7 @@ class PlutoStepDriver(Driver[EppBus]):
             return
         if not self._live:
             raise EstopError("pluto_step: in emergency stop: call release_estop()")
+        self._halting(max(map(abs, self.step_rates())))
         raise EstopError(
             f"pluto_step: the watchdog expired, so steps are lost: writes must not be more than "
             f"{WATCHDOG_TIME * 1e3:.2f} ms apart; call feed_watchdog() in time, or release_estop()"
@@ -709,7 +721,7 @@ class PlutoStepDriver(Driver[EppBus]):
         if late.any():
             update, access = (int(k) for k in np.argwhere(late)[0])
             by = int(burst["cycle"][update, access] - asked[update, access])
-            raise BusError(
+            raise LateError(
                 f"pluto_step: {int(late.any(axis=1).sum())} of {n} rate commands came late, the "
                 f"first one, for cycle {cycle[update]}, by {by} cycles "
                 f"({by / self.bus.clock_hz * 1e6:.3g} us): the motion is not as planned; start "

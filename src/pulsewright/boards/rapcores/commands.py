@@ -200,6 +200,8 @@ class Converter:
     position, fraction : (motors,) int, optional
         Accumulators: step of the plan's motors, and what is beyond it [2^-(W - 1) step]. Default:
         those of a board that was reset where the motors are at the start of the plan.
+    at : int
+        Grid steps of the job that are over already.
 
     Attributes
     ----------
@@ -220,10 +222,11 @@ class Converter:
         word_bits: int = reg.WORD_BITS,
         position: ArrayLike | None = None,
         fraction: ArrayLike | None = None,
+        at: int = 0,
     ) -> None:
         self.trajectory, self.ticks, self.tick = trajectory, ticks, tick
         self.lead, self.longest, self.word_bits = lead, longest, word_bits
-        self.at = 0
+        self.at = at
         # one more to see the last step out and rest
         self.total = lead + math.ceil(trajectory.duration / self.grid) + 1
         self._state = np.zeros((trajectory.axes, 2), np.int64)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, SupportsIndex
 
@@ -37,6 +38,7 @@ MAX_TIME: Final = reg.W_STEP_WIDTH_CYCLES_MASK  # of a pulse [cycle]
 DEFAULT_TIME: Final = reg.W_STEP_WIDTH_RESET / reg.CLOCK_HZ  # of the board after reset [s]
 FULL_CURRENT: Final = reg.W_CURRENT_CURRENT_MASK
 POLL: Final = 20e-6  # between two looks at a pin [s]
+LONGEST_SLEEP: Final = 0.1  # between two looks at a move [s]
 ROUNDS: Final = 3  # of waiting for a move that should have ended
 TIMING: Final = {
     "W_STEP_WIDTH": "pulse width",
@@ -240,6 +242,7 @@ class RapcoresDriver(Driver[SpiBus]):
         self._halted = False
         self._version = 0
         self._busy_until = 0  # cycle at which the moves that were sent are over, at the latest
+        self._fastest = 0.0  # of the motors in them [step/s]
         self._counts = np.zeros(encoders, np.int64)
         self._steps = np.zeros(motors, np.int64)
 
@@ -269,7 +272,7 @@ class RapcoresDriver(Driver[SpiBus]):
         if self.profile == "document":
             parameters, build_id = self._read_all(reg.R_BUILD_PARAMETERS, reg.R_BUILD_ID)
             has |= decode(reg.MAP["R_BUILD_PARAMETERS"], parameters)
-            has["depth"] = self.buffer().depth
+            has["depth"] = self._buffer().depth
             asked |= {
                 "word_bits": self.word_bits,
                 "depth": self.depth,
@@ -329,6 +332,7 @@ class RapcoresDriver(Driver[SpiBus]):
         """
         divider = reg.W_DIVIDER_RESET if tick_rate is None else self._divider_for(tick_rate)
         timing = self._timing_for(pulse_width, pulse_space, direction_setup, direction_hold)
+        self._halting(self._moving())
         if reset:
             self.bus.reset()
             self._counts[:] = self._steps[:] = 0
@@ -345,6 +349,7 @@ class RapcoresDriver(Driver[SpiBus]):
                 self.write_register("W_CURRENT", motor)
             self.clear()
             self._end_halt()
+            self.check_configuration()
 
     def _synchronise(self) -> None:
         """Read the version; where a message or word may be open from before, end that first.
@@ -388,13 +393,22 @@ class RapcoresDriver(Driver[SpiBus]):
         ------
         EstopError
             If the HALT input still halts the board.
+        BusError
+            If the board does not hold what was written, in profile `document`.
         """
         if self.profile == "document":
             self.clear_halt()
         self.enable((1 << self.motors) - 1)
+        if self.profile == "document":
+            self.check_configuration()
 
     def estop(self) -> None:
-        """Halt the board, which drops all moves at once, and disable the motors."""
+        """Halt the board, which drops all moves at once, and disable the motors.
+
+        There is no ramp: the position is unknown then, if a motor ran faster than
+        `start_stop_rate`.
+        """
+        self._halting(self._moving())
         try:
             if self.profile == "document":
                 self.halt()
@@ -404,12 +418,16 @@ class RapcoresDriver(Driver[SpiBus]):
     def halt(self) -> None:
         """Stop all motion at once, without a ramp, and drop all moves; motors stay enabled.
 
+        The position is unknown then, if a motor ran faster than `start_stop_rate`.
+
         Raises
         ------
         UsageError
             In profiles `upstream` and `v020`, which cannot.
         """
         self._require_document("halt")
+        self._halting(self._moving())
+        self._busy_until = 0
         self._halted = True
         self._write(reg.W_CONTROL, reg.W_CONTROL_HALT_MASK)
 
@@ -424,6 +442,9 @@ class RapcoresDriver(Driver[SpiBus]):
             If the HALT input still halts the board.
         """
         self._require_document("clear_halt")
+        if self._moving():
+            with suppress(EstopError):
+                self._check_halt(self.buffer())
         self._end_halt()
         if self.buffer().halted:
             raise EstopError("rapcores: the HALT input is low; release it, then clear the halt")
@@ -521,7 +542,7 @@ class RapcoresDriver(Driver[SpiBus]):
         if not self.running:
             raise EstopError("rapcores: the motors are not enabled; call release_estop()")
         if self.profile == "document":
-            _check_halt(self.buffer())
+            self._check_halt(self.buffer())
 
     # ------------------------------------------------------------------------------- ticks, pulses
 
@@ -683,7 +704,7 @@ class RapcoresDriver(Driver[SpiBus]):
         refused = self.counters().moves_refused if self.profile == "document" else 0
         _, telemetry = self._send(frame, duration, cycle)
         if self.profile == "document" and self.counters().moves_refused != refused:
-            _check_halt(self.buffer())
+            self._check_halt(self.buffer())
             raise BusError("rapcores: the board refused a move; is another host using it?")
         return telemetry
 
@@ -742,7 +763,7 @@ class RapcoresDriver(Driver[SpiBus]):
             )
             told.append(telemetry)
             if before is not None:
-                _check_halt(before)
+                self._check_halt(before)
                 if (k or chained) and not before.used:
                     self._starved(durations[: k + 1])
                 room = before.room
@@ -830,7 +851,18 @@ class RapcoresDriver(Driver[SpiBus]):
     # ------------------------------------------------------------------------------- state
 
     def buffer(self) -> BufferState:
-        """Return the state of the move buffer, in profile `document`."""
+        """Return the state of the move buffer, in profile `document`.
+
+        Raises
+        ------
+        BusError
+            If what answers is no buffer of this board: the link is silent or spoils bytes.
+        """
+        state = self._buffer()
+        self._require_depth(state)
+        return state
+
+    def _buffer(self) -> BufferState:
         self._require_document("buffer")
         state, ticks = self._read_all(reg.R_BUFFER_STATE, reg.R_TICKS_LEFT)
         return _buffer_state(state, ticks)
@@ -864,6 +896,30 @@ class RapcoresDriver(Driver[SpiBus]):
                 f"{counters.unknown_headers} unknown headers, steps lost by motors "
                 f"{_bits(lost) or 'none'}; check the wiring of SPI and the rates"
             )
+
+    def check_configuration(self) -> None:
+        """Check that the board holds what was written: enables, tick rate and pulse times.
+
+        In profile `document`, which can read them.
+
+        Raises
+        ------
+        BusError
+            If not; names the register.
+        """
+        self._require_document("check_configuration")
+        expected = {"W_ENABLE": self._enabled, "W_DIVIDER": self._divider}
+        times = (self.timing.width, self.timing.low, self.timing.setup, self.timing.hold)
+        expected |= dict(zip(TIMING, times, strict=True))
+        frame = b"".join(self.codec.config_read(reg.MAP[name].addresses[0]) for name in expected)
+        words = self.codec.to_words(self.bus.transfer(frame))[1::2]
+        for (name, value), word in zip(expected.items(), words, strict=True):
+            if word & REGISTER != value:
+                raise BusError(
+                    f"rapcores: register {name} holds {word & REGISTER:#x}, {value:#x} was "
+                    f"written: bytes on the way were spoilt, or the board has lost power or was "
+                    f"reset; check wiring and supply, and initialise() again"
+                )
 
     def clear(self) -> None:
         """Set counters to 0 and forget encoder faults and lost steps, in profile `document`."""
@@ -1008,8 +1064,7 @@ class RapcoresDriver(Driver[SpiBus]):
         codec = self.codec
         if self.profile != "document":
             reply = self.bus.transfer(frame, cycle)
-            begin = max(self._busy_until, self.bus.now())
-            self._busy_until = begin + (duration + 2) * (self._divider + 1)
+            self._note_move(duration)
             read = codec.telemetry_v020 if self.profile == "v020" else codec.telemetry
             return None, self._telemetry(read(reply))
         head = [codec.status_read(reg.R_BUFFER_STATE)]
@@ -1018,13 +1073,39 @@ class RapcoresDriver(Driver[SpiBus]):
             head.append(codec.status_read(reg.R_MOVES_COMPLETED))
             tail.append(codec.status_read(reg.R_MOVES_COMPLETED))
         reply = self.bus.transfer(b"".join([*head, frame, *tail]), cycle)
+        self._note_move(duration)
         start = sum(map(len, head))
         words = codec.to_words(reply[:start] + reply[start + len(frame) :])[1::2]
         before = _buffer_state(words[0])
+        self._require_depth(before)
         told = codec.telemetry(reply[start : start + len(frame)])
         if not numbered or words[1] != words[2]:
             return before, self._telemetry(told)
         return before, self._telemetry(told, words[1], before.executing)
+
+    def _check_halt(self, state: BufferState) -> None:
+        """Check that no halt came.
+
+        Raises
+        ------
+        EstopError
+            If one did.
+        """
+        if state.halted or state.halt_seen:
+            self._halting(self._moving())
+            raise EstopError(
+                "rapcores: the board was halted and dropped its moves; release HALT, call "
+                "clear_halt() or release_estop(), and plan anew from read_steps()"
+            )
+
+    def _note_move(self, duration: int) -> None:
+        """Remember until when the board moves."""
+        begin = max(self._busy_until, self.bus.now())
+        self._busy_until = begin + (duration + 2) * (self._divider + 1)
+
+    def _moving(self) -> float:
+        """Return the highest rate in the moves that may be under way [step/s]."""
+        return self._fastest if self.bus.now() < self._busy_until else 0.0
 
     def _telemetry(
         self, told: Telemetry, completed: int | None = None, executing: bool | None = None
@@ -1039,7 +1120,7 @@ class RapcoresDriver(Driver[SpiBus]):
         rounds = 0
         while True:
             state = self.buffer()
-            _check_halt(state)
+            self._check_halt(state)
             if done(state):
                 return state
             now = (state.used, state.ticks_left)
@@ -1050,7 +1131,7 @@ class RapcoresDriver(Driver[SpiBus]):
                 )
             seen = now
             cycles = max(state.ticks_left, 1) * (self._divider + 1)
-            self.bus.sleep(cycles / self.bus.clock_hz)
+            self.bus.sleep(min(cycles / self.bus.clock_hz, LONGEST_SLEEP))
 
     def _encoder_states(self) -> list[tuple[int, int]]:
         """Return position and velocity of each encoder, signed."""
@@ -1096,11 +1177,21 @@ class RapcoresDriver(Driver[SpiBus]):
                 f"are {self.max_step_rate:g} with ticks of {self.tick_rate:g} Hz and pulses of "
                 f"{self._period} cycles"
             )
+        self._fastest = max(self._moving(), float(fastest.max()))
 
     @property
     def _period(self) -> int:
         """Shortest time from step to step [cycle]."""
         return self.timing.width + self.timing.low
+
+    def _require_depth(self, state: BufferState) -> None:
+        """Check that a state has the depth of this build: silent lines read all ones or zeros."""
+        if state.depth != self.depth:
+            raise BusError(
+                f"rapcores: the state of the move buffer reads depth {state.depth}, it has "
+                f"{self.depth}: no board answers, or bytes on the way were spoilt; check power and "
+                f"wiring, and SCK at 1/{2 * reg.MIN_HALF_PERIOD} of the board's clock at most"
+            )
 
     def _require_running(self) -> None:
         if not self.running:
@@ -1217,21 +1308,6 @@ def _check_build(
         raise UsageError(
             f"rapcores: position_bits = {position_bits} in profile '{profile}'; it has "
             f"{reg.POSITION_BITS}"
-        )
-
-
-def _check_halt(state: BufferState) -> None:
-    """Check that no halt came.
-
-    Raises
-    ------
-    EstopError
-        If one did.
-    """
-    if state.halted or state.halt_seen:
-        raise EstopError(
-            "rapcores: the board was halted and dropped its moves; release HALT, call clear_halt() "
-            "or release_estop(), and plan anew from read_steps()"
         )
 
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards.playing import Drives
+from pulsewright.boards.driving import Stop
+from pulsewright.boards.playing import LOOK, Drives, Player
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.commands import (
     Converter,
@@ -20,13 +21,21 @@ from pulsewright.boards.rapcores.commands import (
     grid_ticks,
     tick_period,
 )
+from pulsewright.boards.watching import (
+    Feedback,
+    check_positions,
+    require_encoders,
+    require_inputs,
+)
 from pulsewright.errors import (
     BusError,
+    FollowingError,
     MotionLimitError,
     RegisterValueError,
     StarvedError,
     UsageError,
 )
+from pulsewright.motion.hold import AxisLimits, hold
 from pulsewright.motion.rejoin import rejoin
 from pulsewright.transport.spi_bus import CS_HIGH, SpiBus, VirtualSpiBus
 
@@ -39,6 +48,10 @@ LEAD: Final = 0.2  # first move, at rest: the host fills the buffer and sets up 
 CONVERTED: Final = 4096  # grid steps at once
 ACTS: Final = 5  # from the end of the last bit of a word to its effect [clock]
 COUNTS: Final = 1 << 32  # of the counters of moves
+LOOKED_AT: Final = 16  # registers in a look beside the positions
+BULGE: Final = 2.0  # by which a motor may be beyond both ends of its moves [step]
+DEPTH: Final = reg.R_BUFFER_STATE_DEPTH_MASK
+DEPTH_LSB: Final = reg.R_BUFFER_STATE_DEPTH_LSB
 HALT: Final = reg.R_BUFFER_STATE_HALTED_MASK | reg.R_BUFFER_STATE_HALT_SEEN_MASK
 
 Ints = NDArray[np.int64]
@@ -111,11 +124,15 @@ class _Times(TypedDict):
     direction_hold: float
 
 
-class RapcoresPlayer:
+class RapcoresPlayer(Player):
     """Play motor positions on a RAPcores board. Creating one sends nothing; see `prepare`.
 
     If the board gets no move in time it stands still at once, without a ramp; `play` raises
-    `StarvedError` then, and knows where it stands. `resume` goes back to the plan and completes it.
+    `StarvedError` then, and knows where it stands, if no step was lost. `resume` goes back to the
+    plan and completes it.
+
+    Moves that the board has cannot be taken back but by a halt, which is no ramp. So `stop` lets
+    them be made, and leaves the plan behind them.
 
     Parameters
     ----------
@@ -132,8 +149,7 @@ class RapcoresPlayer:
         trajectory: Trajectory,
         drives: Drives,
     ) -> None:
-        self.driver = driver
-        self.trajectory = trajectory
+        super().__init__(driver, trajectory, drives)
         self.rates, self.accelerations = drives.rates, drives.accelerations
         self.jerks = drives.jerks
         timing = drives.timing
@@ -144,24 +160,18 @@ class RapcoresPlayer:
             # it counts from the active edge; the board waits from the other one on
             "direction_hold": max(timing.hold - timing.width, 0.0),
         }
+        self._feedback = drives.feedback
+        require_encoders("rapcores", drives.feedback, min(driver.encoders, trajectory.axes))
+        require_inputs("rapcores", drives.switches, 0)
         self._job: _Job | None = None
         self._stopped: StarvedError | None = None
+        self._next_look = 0  # cycle
 
-    def prepare(self) -> None:
+    def _prepare(self) -> None:
         """Bring the board from any state to rest, and start; the plan's time 0 is `LEAD` later.
 
         The board is reset, if the link can do that. Otherwise its accumulators must be at whole
         steps, as they are after power-up and after a job that was played to its end.
-
-        Raises
-        ------
-        UsageError
-            If the board's profile has no moves that last exactly as long as they say.
-        MotionLimitError
-            If the board cannot follow the motors' rates or accelerations with these pulses on this
-            link.
-        BusError
-            If there is no such board, or the link fails.
         """
         driver, bus, motors = self.driver, self.driver.bus, self.trajectory.axes
         if driver.profile != "document":
@@ -185,8 +195,9 @@ class RapcoresPlayer:
         driver.set_tick_rate(bus.clock_hz)
         driver.set_tick_rate(bus.clock_hz / tick)
         phase = _sent_at(bus) + ACTS - 1
+        driver.check_configuration()
         self._pace = _Pace(tick, ticks, phase, read, message)
-        self._job = _Job(driver, self.trajectory, self._pace, None)
+        self._job = _Job(driver, self.trajectory, self._pace, None, self._feedback)
 
     def resume(self) -> Trajectory:
         """Go back to the plan after `StarvedError`, and play the rest; return what is played now.
@@ -199,9 +210,13 @@ class RapcoresPlayer:
         ------
         UsageError
             If the job has not been stopped by that error.
+        PositionUnknownError
+            If motors were stopped from more than the driver's ``start_stop_rate``. Call its
+            ``reference`` if it is known that they have lost no step, from encoders for instance.
         """
         if self._stopped is None:
             raise UsageError("rapcores: nothing to resume; the job did not run out of moves")
+        self.driver.require_position()
         self.trajectory = rejoin(
             self.trajectory,
             self._stopped.time,
@@ -211,7 +226,11 @@ class RapcoresPlayer:
             jerks=self.jerks,
         )
         self._stopped = None
-        self._job = _Job(self.driver, self.trajectory, self._pace, self._playing.accumulators)
+        self._job = _Job(
+            *(self.driver, self.trajectory, self._pace, self._playing.accumulators),
+            self._feedback,
+        )
+        self.driver.begin_plan(self)
         return self.trajectory
 
     @property
@@ -234,20 +253,11 @@ class RapcoresPlayer:
         """The latest telemetry, if the board has told any."""
         return self._playing.told
 
-    def play(self, until: float) -> None:
+    def _play(self, until: float) -> None:
         """Stream the plan, and return when the board is at ``until`` [s].
 
         The buffer is kept full. At the end of the plan everything has come to rest, and is where
         the model says.
-
-        Raises
-        ------
-        StarvedError
-            If the board had no move in time, and stands still.
-        EstopError
-            If the board was halted: moves are lost.
-        BusError
-            If the link failed, or the board has not done what it was told.
         """
         if self._stopped is not None:
             raise self._stopped
@@ -257,13 +267,14 @@ class RapcoresPlayer:
             end = job.start_cycle + math.ceil(until * bus.clock_hz)
         while job.waiting:
             left = end - bus.now()
-            if left <= 0:
+            if left <= 0 or self._interrupted():
                 return
+            self._look()
             wait = job.cycles_to_room() if job.full else 0
             if wait and (wait >= left or not isinstance(bus, VirtualSpiBus)):
                 bus.sleep(min(left, wait) / bus.clock_hz)
                 job.ask()
-            elif not job.send(wait):  # a twin's time is exact: no need to ask
+            elif job.over or not job.send(wait):  # a twin's time is exact: no need to ask
                 self._starved()
         if end < math.inf:
             bus.sleep(max(end - bus.now(), 0) / bus.clock_hz)
@@ -271,6 +282,29 @@ class RapcoresPlayer:
             job.rest()
             job.finished = True
             bus.sleep(self.update)  # the last pulse goes out
+
+    def _stop(self) -> Stop | None:
+        job = self._playing
+        time = job.leave(self.limits)
+        self.trajectory = job.converter.trajectory
+        self._play(math.inf)
+        return Stop(time, tuple(job.accumulators[0].tolist())) if job.finished else None
+
+    def speed(self) -> float:
+        """Return the highest commanded rate of a motor about now [step/s]."""
+        job, bus = self._playing, self.driver.bus
+        about = np.array([-1, 0, 1]) * job.converter.grid
+        times = (bus.now() - job.start_cycle) / bus.clock_hz + about
+        return float(abs(self.trajectory.at(times, 1)).max())
+
+    def _lost(self, error: BaseException) -> None:
+        if not isinstance(error, StarvedError):
+            super()._lost(error)
+            return
+        about = np.array([error.time - self.update, error.time])
+        if abs(self.trajectory.at(about, 1)).max() > self.driver.start_stop_rate:
+            self.driver.lose_position()
+        self.driver.end_plan()
 
     @property
     def _playing(self) -> _Job:
@@ -296,6 +330,13 @@ class RapcoresPlayer:
             self.driver.steps_lost()
             longest = max(longest, bus.now() - start)
         return longest
+
+    def _look(self) -> None:
+        """See now and then that the board does what it was told, if there is time before a move."""
+        job, now = self._playing, self.driver.bus.now()
+        if now >= self._next_look and job.full and job.cycles_to_room() > job.look_cycles:
+            self._next_look = now + round(LOOK * self.driver.bus.clock_hz)
+            job.look()
 
     def _starved(self) -> None:
         """Wait until everything rests; tell where."""
@@ -325,6 +366,8 @@ class _Job:
     pace : _Pace
     accumulators : tuple of (motors,) int64, optional
         Where the board is: steps and fractions of the trajectory. Default: at its start, rounded.
+    feedback : Feedback, optional
+        Encoders to be compared; they agree with the motors as the job begins.
 
     Attributes
     ----------
@@ -342,8 +385,14 @@ class _Job:
         trajectory: Trajectory,
         pace: _Pace,
         accumulators: tuple[Ints, Ints] | None,
+        feedback: Feedback | None,
     ) -> None:
         self._driver, self._bus, self._pace = driver, driver.bus, pace
+        self._feedback = feedback
+        registers = LOOKED_AT + driver.motors
+        if feedback is not None:
+            registers += driver.motors + 2 * driver.encoders + 1
+        self.look_cycles = registers * pace.read
         position, fraction = accumulators or (None, None)
         self.converter = Converter(
             trajectory,
@@ -361,6 +410,7 @@ class _Job:
             driver.codec.status_read(address) for address in (reg.R_TICKS_LEFT, reg.R_BUFFER_STATE)
         )
         self._offset = driver.read_steps()[: trajectory.axes] - self.accumulators[0]
+        self._encoder_offset = 0.0 if feedback is None else self._following(feedback)
         self._completed = driver.counters().moves_completed
         self._waiting: deque[tuple[bytes, int, Ints, Ints]] = deque()
         # duration, ticks of the conversion before, and accumulators then, of the moves that may not
@@ -369,6 +419,26 @@ class _Job:
         self._sent = self._used = self._ticks_left = self._ticks = 0
         self._all_converted = False
         self.start_cycle = self._start()
+
+    def leave(self, limits: AxisLimits) -> float:
+        """Leave the trajectory behind the moves that are sent; return where, as `hold` does."""
+        trajectory, pace = self.converter.trajectory, self._pace
+        at = self._ticks // pace.ticks
+        if self._all_converted and at >= self.converter.total:
+            return trajectory.duration
+        plan, time = hold(trajectory, self.converter.time(self._ticks), limits)
+        self.converter = Converter(
+            plan,
+            ticks=pace.ticks,
+            tick=pace.tick,
+            word_bits=self._driver.word_bits,
+            position=self.accumulators[0],
+            fraction=self.accumulators[1],
+            at=at,
+        )
+        self._waiting.clear()
+        self._all_converted = False
+        return time
 
     @property
     def waiting(self) -> bool:
@@ -403,6 +473,11 @@ class _Job:
     def time(self) -> float:
         """Time of the trajectory after the moves sent [s]."""
         return min(max(self.converter.time(self._ticks), 0.0), self.converter.trajectory.duration)
+
+    @property
+    def over(self) -> bool:
+        """Whether all moves sent are over by now: another one would begin without a ramp."""
+        return self._bus.now() > self._origin + self._ticks * self._pace.tick
 
     def cycles_to_room(self) -> int:
         """Return in how much time the executing move is over [clock]; at least that of asking.
@@ -442,16 +517,59 @@ class _Job:
         else:
             self._note(self._bus.transfer(self._question))
 
+    def look(self) -> None:
+        """Check what the board holds and counts, and that it is on its way.
+
+        Raises
+        ------
+        BusError
+            If it has counted errors, or does not hold what was written.
+        FollowingError
+            If it is not between the moves that it has, or an encoder does not follow.
+        """
+        driver = self._driver
+        driver.check_configuration()
+        driver.check_counters()
+        steps = driver.read_steps()[: len(self._offset)] - self._offset
+        ends = np.array([before[0] for _, _, before in self._open] + [self.accumulators[0]])
+        off = (steps - np.clip(steps, ends.min(axis=0), ends.max(axis=0))).astype(np.float64)
+        check_positions("rapcores", off, np.full(len(off), BULGE), "bytes were spoilt on the way")
+        self._check_encoders(BULGE)
+        self._note(self._bus.transfer(self._question))
+
+    def _following(self, feedback: Feedback) -> NDArray[np.float64]:
+        """Return by how much each encoder is off its motor [step]."""
+        return -self._driver.following_error([1 / scale for scale in feedback.counts_per_step])
+
+    def _check_encoders(self, more: float) -> None:
+        """Check that the encoders follow, by ``more`` than at rest [step]."""
+        feedback, driver = self._feedback, self._driver
+        if feedback is None:
+            return
+        used = (1 << len(feedback.counts_per_step)) - 1
+        if faults := driver.encoder_faults() & used:
+            raise FollowingError(
+                f"rapcores: encoder {(faults & -faults).bit_length() - 1} has changed both signals "
+                f"at once, so that counts are lost: it is noisy, too fast or badly wired; look for "
+                f"the cause, and reference the machine again"
+            )
+        off = self._following(feedback) - self._encoder_offset
+        bounds = np.full(len(off), feedback.following_error + more)
+        check_positions("rapcores", off, bounds, "steps were lost, or an encoder does not count")
+
     def rest(self) -> None:
         """Wait until all moves sent are made; check that the board is where the model is.
 
         Raises
         ------
         BusError
-            If it is not, or has counted errors.
+            If it is not, has counted errors, or does not hold what was written.
+        FollowingError
+            If an encoder is not there.
         """
         driver = self._driver
         driver.wait_idle()
+        driver.check_configuration()
         driver.check_counters()
         made = (driver.counters().moves_completed - self._completed) % COUNTS
         steps = driver.read_steps()[: len(self._offset)]
@@ -459,8 +577,9 @@ class _Job:
             raise BusError(
                 f"rapcores: the board made {made} moves and is at {steps.tolist()}, it was sent "
                 f"{self._sent} that lead to {(self.accumulators[0] + self._offset).tolist()}; "
-                f"something else has moved it or cleared its counters"
+                f"bytes were spoilt on the way, or something else has moved it"
             )
+        self._check_encoders(0.0)
 
     def _start(self) -> int:
         """Send a move at rest, and fill the buffer behind it; return the cycle of time 0."""
@@ -475,6 +594,7 @@ class _Job:
         self._sent = self._used = 1
         loaded = _sent_at(self._bus) + ACTS
         first_tick = loaded + 1 + (pace.phase - loaded - 1) % pace.tick
+        self._origin = first_tick + lead * pace.tick
         while self.waiting and not self.full:
             self.send()
         return self.converter.start_cycle(first_tick + lead * pace.tick)
@@ -493,7 +613,13 @@ class _Job:
         """Take in what the board answers to the question at the end of a frame."""
         size = self._driver.codec.word_bytes
         state = int.from_bytes(reply[-size:], "little")
-        self._ticks_left = int.from_bytes(reply[-3 * size : -2 * size], "little")
+        if (state & DEPTH) >> DEPTH_LSB != self._driver.depth:
+            self._driver.buffer()  # asks again; raises if no board answers
+            reply = self._bus.transfer(self._question)
+            state = int.from_bytes(reply[-size:], "little")
+        # no more than the longest of the moves that may execute, whatever noise makes of it
+        most = max((duration for duration, _, _ in self._open), default=0)
+        self._ticks_left = min(int.from_bytes(reply[-3 * size : -2 * size], "little"), most)
         self._used = state & reg.R_BUFFER_STATE_USED_MASK
         if state & HALT:
             self._driver.check_running()

@@ -197,6 +197,29 @@ class Segments:
     def __len__(self) -> int:
         return len(self.steps)
 
+    def __getitem__(self, rows: slice) -> Segments:
+        return Segments(self.steps[rows], self.velocity[rows], self.position[rows])
+
+    def last_steps(self, at: int, grid: int) -> NDArray[np.int64]:
+        """Return position [unit], cycle and sign of the last step of each channel, (channels, 3).
+
+        The loads end at grid step ``at``, and cycles count from grid step 0. Where they make no
+        step, the last one was long ago.
+        """
+        ends = (at - self.steps[::-1].cumsum()[::-1] + self.steps) * grid
+        state = np.zeros((self.velocity.shape[1], 3), np.int64)
+        state[:, 0], state[:, 1] = self.position[-1], -(1 << 40)
+        for c, (v, x) in enumerate(zip(self.velocity.T, self.position.T, strict=True)):
+            steps = np.flatnonzero(
+                x // reg.STEP_UNITS != (x - v * self.steps * grid) // reg.STEP_UNITS
+            )
+            if len(steps):
+                k = steps[-1]
+                into = x[k] % reg.STEP_UNITS
+                since = into // v[k] if v[k] > 0 else (reg.STEP_UNITS - 1 - into) // -v[k]
+                state[c, 1:] = ends[k] - since, np.sign(v[k])
+        return state
+
 
 class Converter:
     """Convert a trajectory to loads, in portions of any size, with the exact integer model.
@@ -210,6 +233,10 @@ class Converter:
         Length of a grid step, from `PulseTiming.grid` [clock].
     position : (motors,) int, optional
         Where the channels are [unit]. Default: where the motors are at the start of the plan.
+    before : Segments, optional
+        Loads that the channels have made last, which lead to where they are.
+    at : int
+        Grid steps of the plan that are over already.
 
     Attributes
     ----------
@@ -228,9 +255,11 @@ class Converter:
         *,
         grid: int,
         position: ArrayLike | None = None,
+        before: Segments | None = None,
+        at: int = 0,
     ) -> None:
         self.trajectory, self.timing, self.grid = trajectory, timing, grid
-        self.at = 0
+        self.at = at
         # two to see the last step out and rest
         self.total = math.ceil(trajectory.duration * reg.CLOCK_HZ / grid) + 2
         motors = trajectory.axes
@@ -239,6 +268,8 @@ class Converter:
         self._state = np.zeros((motors, 3), np.int64)
         self._state[:, 0] = self._sample(0, 1)[1][0] if position is None else position
         self._state[:, 1] = -(1 << 40)  # long ago
+        if before is not None:
+            self._state = before.last_steps(at, grid)
         self.origin = self._state[:, 0].copy()
 
     @property
@@ -384,6 +415,10 @@ class Encoder:
         words += self._control(STEPS, SET_VELOCITY)
         return self._single(words, load, self.lead, position)
 
+    def go_on(self, segments: Segments) -> None:
+        """Take the last of some loads for the one before the next."""
+        self._steps, self._velocity = int(segments.steps[-1]), segments.velocity[-1].copy()
+
     def encode(self, segments: Segments) -> Words:
         """Return the words of the next loads."""
         n, motors = segments.velocity.shape
@@ -398,7 +433,7 @@ class Encoder:
         kept = np.ones(table.shape, bool)
         kept[:, : 1 + motors] = changed
         if n:
-            self._steps, self._velocity = int(segments.steps[-1]), segments.velocity[-1].copy()
+            self.go_on(segments)
         return Words(table[kept], kept.sum(axis=1).cumsum() - 1, segments)
 
     def finish(self, position: NDArray[np.int64]) -> Words:

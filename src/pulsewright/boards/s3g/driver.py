@@ -205,6 +205,7 @@ class S3GDriver(Driver[SerialBus]):
             See `set_times` [s].
         """
         timing = _timing(pulse_width, pulse_space, direction_setup, direction_hold)
+        self._halting(max(map(abs, self.step_rates())))
         self.abort_program()
         self.mask_interrupts(0)
         self._enabled = self._outputs = 0
@@ -228,8 +229,10 @@ class S3GDriver(Driver[SerialBus]):
     def _leave(self) -> None:
         """Stop all motion and disable the motors, if this driver has sent anything."""
         if self._touched:
-            self.estop()
-            self._touched = False
+            try:
+                self.estop()
+            finally:
+                self._touched = False  # `close` does not try again
 
     # ------------------------------------------------------------------------------- motors, estop
 
@@ -243,7 +246,10 @@ class S3GDriver(Driver[SerialBus]):
         self.enable_motors((1 << self.channels) - 1)
 
     def estop(self) -> None:
-        """Stop the program and all motion at once, without a ramp, and disable the motors."""
+        """Stop the program and all motion at once, without a ramp, and disable the motors.
+
+        The position is unknown then, if a motor ran faster than `start_stop_rate`.
+        """
         self.stop()
         self.enable_motors(0)
 
@@ -323,7 +329,11 @@ class S3GDriver(Driver[SerialBus]):
         return tuple((self._velocity * RATE_UNIT).tolist())
 
     def stop(self) -> None:
-        """End the program and halt all channels at once: no ramp. A pulse in flight is finished."""
+        """End the program and halt all channels at once: no ramp. A pulse in flight is finished.
+
+        The position is unknown then, if a motor ran faster than `start_stop_rate`.
+        """
+        self._halting(max(map(abs, self.step_rates())))
         self.abort_program()
         self._velocity[:] = 0
         self._load()

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.boards.playing import Drives
+from pulsewright.boards.driving import Stop
+from pulsewright.boards.playing import Drives, Player
 from pulsewright.boards.s3g import registers as reg
 from pulsewright.boards.s3g.commands import (
     FINISHED,
@@ -21,6 +22,7 @@ from pulsewright.boards.s3g.commands import (
 )
 from pulsewright.boards.s3g.packets import MAX_WORDS
 from pulsewright.boards.s3g.ring import DONE, PORTION, ProgramRing
+from pulsewright.boards.watching import require_encoders, require_inputs
 from pulsewright.errors import (
     BusError,
     MotionLimitError,
@@ -28,6 +30,7 @@ from pulsewright.errors import (
     StarvedError,
     UsageError,
 )
+from pulsewright.motion.hold import AxisLimits, hold
 from pulsewright.motion.rejoin import rejoin
 
 if TYPE_CHECKING:
@@ -36,14 +39,19 @@ if TYPE_CHECKING:
 
 LEAD: Final = 0.2  # from the first load to time 0 of the plan: a failed start is ended before [s]
 CONVERTED: Final = 4096  # grid steps at once
+AHEAD: Final = 0.04  # of what is written, kept when the plan is left, beside some packets [s]
+PACKETS: Final = 6  # those
+NAP: Final = 0.05  # longest wait without a look at signals [s]
 REFILL: Final = 8  # packets that should fit when a full memory is looked at again
 
 
-class S3GPlayer:
+class S3GPlayer(Player):
     """Play motor positions on an S3G board. Creating one sends nothing; see `prepare`.
 
     If the board gets no motion in time, it stops by itself, on a ramp; `play` raises `StarvedError`
     then, and knows where it stopped. `resume` goes back to the plan and completes it.
+
+    `stop` replaces the words in program memory that the executor does not come to soon.
 
     Parameters
     ----------
@@ -60,8 +68,9 @@ class S3GPlayer:
         trajectory: Trajectory,
         drives: Drives,
     ) -> None:
-        self.driver = driver
-        self.trajectory = trajectory
+        super().__init__(driver, trajectory, drives)
+        require_encoders("s3g", drives.feedback, 0)
+        require_inputs("s3g", drives.switches, 0)
         self.rates, self.accelerations = drives.rates, drives.accelerations
         self.jerks = drives.jerks
         timing = drives.timing
@@ -75,18 +84,10 @@ class S3GPlayer:
         self._stopped: StarvedError | None = None
         self._rest = np.zeros(trajectory.axes, np.int64)  # where it stopped [unit]
 
-    def prepare(self) -> None:
+    def _prepare(self) -> None:
         """Bring the board from any state to rest, fill its memory, and start.
 
         The plan's time 0 is `LEAD` after that.
-
-        Raises
-        ------
-        MotionLimitError
-            If the board cannot follow the motors' rates or accelerations with these pulses on this
-            link.
-        BusError
-            If there is no such board, or the link fails.
         """
         driver, motors = self.driver, self.trajectory.axes
         if motors > driver.channels:
@@ -133,6 +134,7 @@ class S3GPlayer:
         )
         self._stopped = None
         self._begin(self._rest)
+        self.driver.begin_plan(self)
         return self.trajectory
 
     @property
@@ -150,18 +152,11 @@ class S3GPlayer:
         """Whether the whole plan has been made."""
         return self._playing.ring.ended == FINISHED
 
-    def play(self, until: float) -> None:
+    def _play(self, until: float) -> None:
         """Stream the plan, and return when the board is at ``until`` [s].
 
         Program memory is kept full, so the board knows motion up to about a second further. At the
         end of the plan everything has come to rest.
-
-        Raises
-        ------
-        StarvedError
-            If the board had no motion and has stopped.
-        BusError
-            If the link failed, however often it was tried.
         """
         job, bus, ring = self._playing, self.driver.bus, self._playing.ring
         if self._stopped is not None:
@@ -172,7 +167,7 @@ class S3GPlayer:
         while ring.ended is None:
             job.convert()
             left = end - bus.now()
-            if left <= 0:
+            if left <= 0 or self._interrupted():
                 return
             if not ring.waiting:
                 self._sleep(min(left, max(job.end_cycle - bus.now(), self._packet)))
@@ -187,6 +182,32 @@ class S3GPlayer:
         if ring.ended != FINISHED:
             self._starved()
         self.driver.bus.sleep(self.update)  # the last pulse goes out
+
+    def _stop(self) -> Stop | None:
+        job = self._playing
+        time = job.leave(self.limits)
+        self.trajectory = job.converter.trajectory
+        try:
+            self._play(math.inf)
+        except StarvedError as error:  # at rest all the same, on the ramp of the board
+            place = np.floor(np.asarray(error.position) + 0.5)
+            return Stop(error.time, tuple(place.astype(int).tolist()))
+        if not self.done:
+            return None
+        return Stop(time, tuple((job.converter.position // reg.STEP_UNITS).tolist()))
+
+    def speed(self) -> float:
+        """Return the highest commanded rate of a motor about now [step/s]."""
+        job, bus = self._playing, self.driver.bus
+        about = np.array([-1, 0, 1]) * self.update
+        times = (bus.now() - job.start_cycle) / bus.clock_hz + about
+        return float(abs(self.trajectory.at(times, 1)).max())
+
+    def _lost(self, error: BaseException) -> None:
+        if isinstance(error, StarvedError):  # it has stopped on a ramp
+            self.driver.end_plan()
+        else:
+            super()._lost(error)
 
     @property
     def _playing(self) -> _Job:
@@ -247,7 +268,12 @@ class S3GPlayer:
         raise self._stopped
 
     def _sleep(self, cycles: float) -> None:
-        self.driver.bus.sleep(max(cycles, 0) / self.driver.bus.clock_hz)
+        """Let time pass, until a signal comes."""
+        left = max(cycles, 0) / self.driver.bus.clock_hz
+        while left > NAP and not self._interrupted():
+            self.driver.bus.sleep(NAP)
+            left -= NAP
+        self.driver.bus.sleep(0 if self._interrupted() else left)
 
 
 class _Job:
@@ -256,6 +282,7 @@ class _Job:
     def __init__(self, player: S3GPlayer, position: NDArray[np.int64] | None) -> None:
         driver, grid = player.driver, player._grid
         self.converter = Converter(player.trajectory, driver.timing, grid=grid, position=position)
+        self._timing, self._packet = driver.timing, player._packet
         abort = Abort.of(
             player.accelerations, grid, latched=bool(driver.switches["abort_dt_latched"])
         )
@@ -275,6 +302,29 @@ class _Job:
             if self.converter.done:
                 self.ring.append(self.encoder.finish(self.converter.position))
                 self._finished = True
+
+    def leave(self, limits: AxisLimits) -> float:
+        """Leave the trajectory as soon as the link allows; return where, as `hold` does."""
+        plan, grid, lead = self.converter.trajectory, self.converter.grid, self.encoder.lead
+        self.convert()
+        soon = PACKETS * self._packet + round(AHEAD * reg.CLOCK_HZ)
+        kept = self.ring.cut(soon, lead, lead + self.converter.total)
+        if kept is None:
+            return plan.duration
+        end, loads = kept
+        plan, time = hold(plan, (end - lead) * grid / reg.CLOCK_HZ, limits)
+        self.converter = Converter(
+            plan,
+            self._timing,
+            grid=grid,
+            position=loads.position[-1],
+            before=loads,
+            at=end - lead,
+        )
+        self.encoder.go_on(loads)
+        self._finished = False
+        self.end_cycle = self.start_cycle + self.converter.total * grid
+        return time
 
     def started(self, strobe: int) -> None:
         """Learn the cycle of the start strobe."""

@@ -143,6 +143,11 @@ class ProgramRing:
             If the link fails, or the executor does what these words do not say.
         """
         status = self._driver.status(self._timeout)
+        if self._started and not status.busy and status.error == reg.BE_RUNNING:
+            raise BusError(
+                "s3g: the board knows of no program any more: it has lost power or was reset; "
+                "check its supply, reference the machine, and begin anew"
+            )
         self._note(status.error, status.pc)
 
     def cycles_to(self, word: int) -> int:
@@ -171,7 +176,59 @@ class ProgramRing:
         k = int(np.searchsorted(self._word, self.passed)) - 1
         if k < 0 or self._loads is None:
             raise BusError("s3g: the program ended before its first load")
-        return int(self._until[k]), _rows(self._loads, slice(k, k + 1))
+        return int(self._until[k]), self._loads[k : k + 1]
+
+    def cut(self, cycles: int, first: int, last: int) -> tuple[int, Segments] | None:
+        """Drop the words behind a load, the first one that is not given for ``cycles`` from now on.
+
+        If all that is written is given earlier, it is the first load that is not written whole.
+
+        Parameters
+        ----------
+        cycles : int
+            [clock]
+        first, last : int
+            It ends after grid step ``first``, and before ``last``.
+
+        Returns
+        -------
+        int
+            Grid step at the end of that load.
+        Segments
+            The loads up to it, as far back as known.
+
+        None if there is no such load.
+
+        Raises
+        ------
+        BusError
+            As `write`.
+        """
+        self.poll()
+        if self._loads is None or self.ended is not None:
+            return None
+        for k in range(len(self._word)):
+            end = int(self._word[k]) + 1
+            if not first < self._until[k] < last:
+                continue
+            if end > self.tail or self.cycles_to(end) > cycles:
+                break
+        else:
+            return None
+        if end < self.tail:
+            for attempt in range(self._driver.retries + 1):
+                try:
+                    self._send(end, [DONE])
+                    break
+                except BusError:
+                    if attempt == self._driver.retries:
+                        raise
+                    self._driver.retried += 1
+            self.tail = end
+        self._waiting, self._end = self._waiting[: end - self.tail], end
+        self._word, self._until = self._word[: k + 1], self._until[: k + 1]
+        self._loads = self._loads[: k + 1]
+        return int(self._until[k]), self._loads
 
     def _send(self, word: int, words: list[int]) -> None:
         address = word % ADDRESSES
@@ -216,11 +273,7 @@ class ProgramRing:
         k = max(int(np.searchsorted(self._word, self.passed)) - 1, 0)
         if k and self._loads is not None:
             self._word, self._until = self._word[k:], self._until[k:]
-            self._loads = _rows(self._loads, slice(k, None))
-
-
-def _rows(segments: Segments, rows: slice) -> Segments:
-    return Segments(segments.steps[rows], segments.velocity[rows], segments.position[rows])
+            self._loads = self._loads[k:]
 
 
 def _joined(first: Segments, second: Segments) -> Segments:

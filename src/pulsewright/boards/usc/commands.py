@@ -187,7 +187,7 @@ class Converter(UpdateConverter[Updates]):
         from pulsewright.boards.usc.commands_kernel import convert  # numba: on first use only
 
         cycle = self._next_cycles(count)
-        n = len(cycle)
+        n, before = len(cycle), self.count
         updates = Updates(
             cycle=cycle,
             divisor=np.full((n, AXES), (1 << 24) - 1, np.uint32),
@@ -224,4 +224,5 @@ class Converter(UpdateConverter[Updates]):
                 f"lower the velocity or acceleration of that axis"
             )
         self.position += n
+        self._note_way(before, updates.count)
         return updates

@@ -18,7 +18,7 @@ from pulsewright.boards.board import resolve_switches
 from pulsewright.boards.driving import Driver
 from pulsewright.boards.usc import registers as reg
 from pulsewright.boards.usc.burst import AXES, BURST_ACCESSES, BURST_ADDRESS, RateUpdates
-from pulsewright.errors import BusError, EstopError, RegisterValueError, UsageError
+from pulsewright.errors import BusError, EstopError, LateError, RegisterValueError, UsageError
 from pulsewright.registers.codec import decode_bytes, encode_bytes
 from pulsewright.transport.bus import (
     ADDRESS_WRITE,
@@ -249,6 +249,7 @@ class UscDriver(Driver[EppBus]):
             Ignore the board's own estop chain: the first board of several guards it.
         """
         self.identify()
+        self._halting(self._fastest())
         width = self._time_to_ticks("pulse width", pulse_width)
         setup = self._time_to_ticks("setup time", setup_time)
         self._divisor[:] = 0
@@ -331,12 +332,14 @@ class UscDriver(Driver[EppBus]):
         )
 
     def stop(self, axis: int | None = None) -> None:
-        """Halt one axis, or all of them, at once: no ramp. A pulse in flight is finished."""
-        if axis is None:
-            self._control &= ~ALL_RUN
-        else:
+        """Halt one axis, or all of them, at once: no ramp. A pulse in flight is finished.
+
+        The position is unknown then, if it ran faster than `start_stop_rate`.
+        """
+        if axis is not None:
             self._require_axis(axis)
-            self._control &= ~RUN[axis]
+        self._halting(self._fastest(axis))
+        self._control &= ~(ALL_RUN if axis is None else RUN[axis])
         self._write(reg.W_RATE_CONTROL, [self._control])
 
     def max_step_rate(self) -> float:
@@ -358,7 +361,7 @@ class UscDriver(Driver[EppBus]):
 
         Raises
         ------
-        BusError
+        LateError
             If an access acted at another cycle than asked: the motion is not what was planned.
         BusTimeoutError
             If the board did not acknowledge.
@@ -635,7 +638,11 @@ class UscDriver(Driver[EppBus]):
         return bool(self._read(reg.R_INPUTS_HIGH, 1)[0] & reg.R_INPUTS_HIGH_RUNNING_MASK)
 
     def estop(self) -> None:
-        """Enter emergency stop at once; only `release_estop` leaves it."""
+        """Enter emergency stop at once, without a ramp; only `release_estop` leaves it.
+
+        The position is unknown then, if an axis ran faster than `start_stop_rate`.
+        """
+        self._halting(self._fastest())
         self._outputs &= ~reg.W_OUTPUTS_ESTOP_RELEASE_MASK
         self._write(reg.W_OUTPUTS, [self._outputs])
 
@@ -650,6 +657,7 @@ class UscDriver(Driver[EppBus]):
         EstopError
             If the board stays in emergency stop; names the likely cause.
         """
+        self._halting(self._fastest())
         self._control = ALL_FORWARD
         stopped = self._outputs & reg.W_OUTPUTS_SSR_MASK
         self._outputs = stopped | reg.W_OUTPUTS_ESTOP_RELEASE_MASK
@@ -691,6 +699,7 @@ class UscDriver(Driver[EppBus]):
             if not self._outputs & reg.W_OUTPUTS_ESTOP_RELEASE_MASK:
                 cause = "it was not released; call release_estop()"
             else:
+                self._halting(self._fastest())
                 watchdog = self.switches["watchdog_us"]
                 cause = "the estop chain opened" + (
                     f", or no two adjacent axes were written for {watchdog} us (watchdog)"
@@ -837,6 +846,13 @@ class UscDriver(Driver[EppBus]):
         period = math.floor(reg.TICK_HZ / abs(rate) + 0.5)  # half a tick up, as the client rounds
         return period - self.div_offset, control | RUN[axis]
 
+    def _fastest(self, axis: int | None = None) -> float:
+        """Return the highest rate of an axis, or of all [step/s]; 0 in emergency stop."""
+        if not self._outputs & reg.W_OUTPUTS_ESTOP_RELEASE_MASK:
+            return 0.0
+        rates = self.step_rates()
+        return max(map(abs, rates if axis is None else rates[axis : axis + 1]))
+
     def _rate_burst(self) -> NDArray[np.void]:
         divisors = b"".join(_three_bytes(int(divisor)) for divisor in self._divisor)
         return self._writing(BURST_ADDRESS, [*divisors, self._control])
@@ -896,7 +912,7 @@ class UscDriver(Driver[EppBus]):
         if late.any():
             update, access = (int(k) for k in np.argwhere(late)[0])
             by = int(burst["cycle"][update, access] - asked[update, access])
-            raise BusError(
+            raise LateError(
                 f"usc base {self.base}: {int(late.any(axis=1).sum())} of {n} rate commands came "
                 f"late, the first one, for cycle {cycle[update]}, by {by} cycles "
                 f"({by / self.bus.clock_hz * 1e6:.3g} us): the motion is not as planned; start "

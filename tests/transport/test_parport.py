@@ -12,8 +12,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pulsewright import open_board
+from pulsewright import Job, open_board
+from pulsewright.boards.playing import Drives
+from pulsewright.boards.usc.player import UscPlayer
 from pulsewright.boards.usc.twin import UscTwin
+from pulsewright.edges.timing import DriveTiming
 from pulsewright.errors import BusError, BusTimeoutError, UsageError
 from pulsewright.transport import parport
 from pulsewright.transport.bus import EPP_ACCESS
@@ -137,6 +140,17 @@ def test_a_board_at_the_port_works_as_on_any_link(port):
         assert port.bus.twin.state()["steps"][0] == pytest.approx(150, abs=2)
     assert port.direction == 0
     assert not port.opened  # and given back
+
+
+def test_a_plan_is_refused_where_nobody_keeps_its_times(port, examples):
+    job = Job.from_gcode(examples / "square.ngc")
+    steps = job.trajectory.mapped(job.machine.motor_matrix())
+    drives = Drives([32e3] * 4, [160e3] * 4, [6.4e6] * 4, DriveTiming(2e-6, 2e-6, 5e-6, 5e-6))
+    with (
+        open_board("usc", link="epp:/dev/parport0") as board,
+        pytest.raises(UsageError, match="not at their clock cycle"),
+    ):
+        UscPlayer(board, steps, drives).prepare()
 
 
 def test_accesses_of_one_kind_go_to_the_system_together(port):

@@ -333,6 +333,23 @@ class UpdatePlayer(Player, Generic[U]):
 
     _blame = "bytes on the way to the board were spoilt, or something else has moved it"
 
+    def prepare(self) -> None:
+        """Bring the board from any state to rest, ready to move; see `Player.prepare`.
+
+        Raises
+        ------
+        UsageError
+            Also if the link does not keep the times of updates.
+        """
+        if not self.driver.bus.exact:
+            raise UsageError(
+                f"{self.driver.registers.board}: this link carries out commands when the host gets "
+                f"to them, not at their clock cycle, and a plan would lose its place by the "
+                f"difference; step rates can be set on it, plans are played on simulated boards, "
+                f"served ones, and boards that buffer motion"
+            )
+        super().prepare()
+
     @property
     def converter(self) -> UpdateConverter[U]:
         """The conversion, its model and its position; after `prepare`."""

@@ -79,6 +79,7 @@ class EppBus(Protocol):
 
     clock_hz: int  # unit of ``EPP_ACCESS.cycle`` [Hz]
     access_cycles: int  # time one access takes [cycle]
+    exact: bool = True  # accesses act at the very cycles they ask for, if the host is not late
 
     @abstractmethod
     def transact(self, accesses: NDArray[np.void]) -> None:

@@ -78,6 +78,7 @@ class ParportEppBus(EppBus):
 
     def __init__(self, path: str, clock_hz: int) -> None:
         self.clock_hz, self._path = clock_hz, path
+        self.exact = False  # the system and the port take their time
         self.access_cycles = round(CYCLE_TIME * clock_hz)
         self._clock = HostClock(clock_hz)
         try:

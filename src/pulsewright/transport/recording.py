@@ -210,7 +210,7 @@ class RecordedEppBus(_Recorded, EppBus):
 
     def __init__(self, bus: EppBus, recorder: Recorder) -> None:
         super().__init__(bus, recorder)
-        self.access_cycles = bus.access_cycles
+        self.access_cycles, self.exact = bus.access_cycles, bus.exact
 
     def transact(self, accesses: NDArray[np.void]) -> None:
         """Carry out accesses; see `EppBus`."""

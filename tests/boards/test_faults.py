@@ -403,7 +403,6 @@ S3G = (
         "no reply",
         "500 ms",
         check=plays_again,
-        rtl=True,
     ),
     Case("link lost", link("cut"), "BusError", "it is lost", "500 ms", check=plays_again),
     Case("wait line stuck", link("stuck")),
@@ -432,9 +431,8 @@ S3G = (
         "has stopped by itself",
         "500 ms",
         check=resumes,
-        rtl=True,
     ),
-    Case("host process killed", killed, "", "", "500 ms", check=plays_again, rtl=True),
+    Case("host process killed", killed, "", "", "500 ms", check=plays_again),
     Case("host process killed while a rate is set", killed_at_a_rate, "", "", "never"),
     Case(
         "board power-cycled",

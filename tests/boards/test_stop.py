@@ -444,7 +444,7 @@ def test_the_watchdog_of_a_usc_leaves_the_position_unknown():
 
 @pytest.mark.rtl
 @pytest.mark.campaign
-@each_room
+@pytest.mark.parametrize("name", ["pluto_step", "rapcores", "usc"])  # the s3g's takes minutes
 def test_gateware_stops_as_its_twin_does(name, tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text("G1 X2 Y-1 F1800\nG3 X0 Y0 R1.5\n")

@@ -296,7 +296,7 @@ def test_limits_hold_whatever_is_done_when(seed):
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("first", range(1000, 3000, 100))
+@pytest.mark.parametrize("first", range(1000, 1300, 100))
 def test_limits_hold_whatever_is_done_when_campaign(first):
     for seed in range(first, first + 100):
         check_at_random(seed)

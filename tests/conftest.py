@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 from pathlib import Path
 
 import pytest
@@ -46,7 +47,13 @@ def examples() -> Path:
 
 
 def pytest_configure() -> None:
-    """Keep examples apart from which modules a process has loaded, whose constants they take."""
+    """Let Ctrl-C interrupt, also in the background; keep examples apart from modules loaded.
+
+    A shell lets what it starts in the background ignore Ctrl-C, which tests send. Which modules a
+    process has loaded decides whose constants Hypothesis takes.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if settings.get_current_profile_name() == "steady":
         # hypothesis, whose version is pinned, has no public way to say so
         none = providers.Constants()

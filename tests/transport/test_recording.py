@@ -17,7 +17,7 @@ OPENED = {"board": "usc", "profile": "document", "options": {}, "link": "x:", "c
 class Bus:
     """All three kinds of bus at once; a call takes a cycle."""
 
-    clock_hz, access_cycles, twin = 1000, 3, "a twin"
+    clock_hz, access_cycles, exact, twin = 1000, 3, False, "a twin"
 
     def __init__(self):
         self.time, self.closed = 40, 0
@@ -62,7 +62,7 @@ def test_every_call_is_kept_with_its_answer(tmp_path):
     accesses["value"] = 5, 6
     epp.transact(accesses)
     assert accesses["value"].tolist() == [6, 7]
-    assert (epp.access_cycles, epp.twin) == (3, "a twin")
+    assert (epp.access_cycles, epp.exact, epp.twin) == (3, False, "a twin")
     epp.reset()
     epp.close()
     recording = Recording.load(path)

@@ -104,6 +104,31 @@ class Outline:
         )
 
 
+def chosen_machine(machine: Machine | Path | str | None) -> Machine:
+    """Return a machine, the one of a file, or the built-in one.
+
+    Raises
+    ------
+    MachineError
+        If the file is wrong.
+    """
+    if machine is None:
+        return Machine.default()
+    return machine if isinstance(machine, Machine) else Machine.load(machine)
+
+
+def require_certificate(program: Path | str, certificate: Certificate) -> None:
+    """Check that a plan keeps its limits.
+
+    Raises
+    ------
+    CheckFailedError
+        If not.
+    """
+    if not certificate.passed:
+        raise CheckFailedError(f"{program}: the plan fails its certificate: {certificate}")
+
+
 def plan_file(
     path: Path | str, *, machine: Machine | Path | str | None = None, progress: Progress = silent
 ) -> Outline:
@@ -123,10 +148,7 @@ def plan_file(
     CheckFailedError
         If the plan breaks a limit: a defect of the planner, caught by its certificate.
     """
-    if machine is None:
-        machine = Machine.default()
-    elif not isinstance(machine, Machine):
-        machine = Machine.load(machine)
+    machine = chosen_machine(machine)
     job = _Planning(machine, str(path))
     progress("plan", 0.0)
     begin = time.process_time()
@@ -174,21 +196,17 @@ class _Planning:
             self._planner.finish()
             self._plan()
             certificate = self._certifier.finish()
-        self._check(certificate)
+        require_certificate(self._path, certificate)
         return certificate
 
     def _plan(self) -> None:
         while part := self._planner.take():
             t = part.trajectory
-            self._check(self._certifier.check(t))
+            require_certificate(self._path, self._certifier.check(t))
             self.duration += t.duration
             self.elements += int((t.move > self._last).sum())
             self.pieces += len(t.element)
             self._last = int(t.move[-1])
-
-    def _check(self, certificate: Certificate) -> None:
-        if not certificate.passed:
-            raise CheckFailedError(f"{self._path}: the plan fails its certificate: {certificate}")
 
 
 def clock_time(seconds: float) -> str:

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pulsewright import boards
-from pulsewright.app.planning import Clock, Outline, clock_time, interpreter_settings
+from pulsewright.app.planning import (
+    Clock,
+    Outline,
+    chosen_machine,
+    clock_time,
+    interpreter_settings,
+    require_certificate,
+)
 from pulsewright.app.progress import Progress, silent
 from pulsewright.boards.playing import Drives
 from pulsewright.boards.watching import Feedback, LimitSwitches
@@ -20,7 +27,7 @@ from pulsewright.edges.path import numbered_pins
 from pulsewright.edges.timing import DriveTiming
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.edges.writer import TraceWriter
-from pulsewright.errors import CheckFailedError, MachineError, UsageError
+from pulsewright.errors import MachineError, UsageError
 from pulsewright.files import replacing
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.gcode import interpret
@@ -86,10 +93,7 @@ class Job:
         CheckFailedError
             If the plan breaks a limit: a defect of the planner, caught by its certificate.
         """
-        if machine is None:
-            machine = Machine.default()
-        elif not isinstance(machine, Machine):
-            machine = Machine.load(machine)
+        machine = chosen_machine(machine)
         clock = Clock()
         with clock.stage("interpret"):
             progress("interpret", 0.0)
@@ -101,8 +105,7 @@ class Job:
             progress("plan", 0.7)
             certificate = certify(trajectory, program.moves, machine)
             progress("plan", 1.0)
-        if not certificate.passed:
-            raise CheckFailedError(f"{path}: the plan fails its certificate: {certificate}")
+        require_certificate(path, certificate)
         return cls(program, machine, trajectory, certificate, clock)
 
     def run(

@@ -50,8 +50,12 @@ def pytest_configure() -> None:
     """Let Ctrl-C interrupt, also in the background; keep examples apart from modules loaded.
 
     A shell lets what it starts in the background ignore Ctrl-C, which tests send. Which modules a
-    process has loaded decides whose constants Hypothesis takes.
+    process has loaded decides whose constants Hypothesis takes. Where these variables say that a
+    CI service runs the tests, pytest explains each failed comparison with a whole diff; of two long
+    lists, which the faults of mutation tests make differ on purpose, that takes an hour.
     """
+    for variable in ("CI", "BUILD_NUMBER"):
+        os.environ.pop(variable, None)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if settings.get_current_profile_name() == "steady":

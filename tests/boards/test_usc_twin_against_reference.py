@@ -444,7 +444,7 @@ def test_portions_do_not_matter(scenario, cuts):
 
 
 @pytest.mark.campaign
-@settings(max_examples=400, **SETTINGS)
+@settings(max_examples=150, **SETTINGS)
 @given(st.integers(0, 2**32).map(storm))
 def test_storms_match_the_reference_campaign(scenario):
     assert_same(*carry_out(*scenario))

@@ -81,6 +81,8 @@ class LivePort:
         between = self._clock() - self._caught_up
         self._credit = min(EFFORT_S, self._credit + EFFORT_SHARE * between)
         piece = round(PIECE_S * twin.clock_hz)
+        if twin.now >= cycle:
+            self._look()  # at what transfers did, which may be ahead
         while twin.now < cycle:
             twin.advance(min(cycle, twin.now + piece))
             self._look()
@@ -89,7 +91,6 @@ class LivePort:
                 self._start += late
                 self.lost += late
                 break
-        self._look()
         self._credit -= self._effort() - begin
         self._caught_up = self._clock()
 

@@ -13,6 +13,7 @@ from pulsewright.app.run import Job
 from pulsewright.errors import CheckFailedError, MotionLimitError
 from pulsewright.motion import stream
 from pulsewright.motion.gcode import bulk, recorder
+from pulsewright.motion.machine import Machine, Tool
 
 
 @pytest.mark.parametrize("many", [100, 1 << 14])
@@ -79,3 +80,12 @@ def test_memory_of_a_long_program_is_that_of_a_short_one(tmp_path):
     peak(500)  # compiles
     # all moves and their trajectory would take 100 MB more
     assert peak(100_000) < peak(40_000) + 30
+
+
+def test_cutter_compensation_takes_the_diameter_of_the_machine_file(tmp_path):
+    program = tmp_path / "part.ngc"
+    program.write_text("T1 M6\nF600 G41\nG1 X10\nX20\n")
+    tools = {1: Tool(diameter=3.0)}
+    job = Job.from_gcode(program, machine=Machine.default().model_copy(update={"tools": tools}))
+    # left of +X is +Y, by half the diameter
+    assert job.program.moves.end[:, :2].tolist() == [[10, 1.5], [20, 1.5]]

@@ -374,3 +374,34 @@ def test_random_tools_have_the_same_canonical_calls(compare, seed):
 def test_random_contours_are_compensated_alike(compare, seed):
     text = Writer(seed).program(["compensation"], 1)
     assert compare(text) is None, text
+
+
+WRAPPED = """[EMC]
+VERSION = 1.1
+[TRAJ]
+COORDINATES = X Y Z A
+LINEAR_UNITS = inch
+[AXIS_A]
+WRAPPED_ROTARY = 1
+"""
+
+
+def test_wrapped_axes_turn_alike(tmp_path):
+    oracle.require_rs274()
+    rng = random.Random(5)
+    lines = ["G90 G1 F100 A0"]
+    for _ in range(200):
+        angle = rng.choice((0.0, 90.0, 359.5, round(rng.uniform(0, 360), 2)))
+        word = f"A{rng.choice(('', '-'))}{angle:g}"
+        lines.append(rng.choice([word, word, f"X{angle:g} {word}", f"G91 {word}\nG90"]))
+        if rng.random() < 0.1:
+            lines.append(rng.choice([f"G92 {word}", f"G10 L2 P1 {word}", f"G52 {word}"]))
+    (tmp_path / "p.ngc").write_text("\n".join([*lines, "M2", ""]))
+    (tmp_path / "w.ini").write_text(WRAPPED)
+    theirs = oracle.rs274("p.ngc", tmp_path, "-i", "w.ini", timeout=20)
+    ours = []
+    settings = replace(STAND_ALONE, axes="XYZA", wrapped="A")
+    canonical(tmp_path / "p.ngc", ours.append, settings=settings)
+    found = [call for call in calls("".join(ours)) if "STRAIGHT" in call[0]]
+    assert found == [call for call in calls(theirs.stdout) if "STRAIGHT" in call[0]]
+    assert len(found) > 200

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pulsewright.errors import GcodeError, UsageError
 from pulsewright.motion.gcode import InterpreterSettings, interpret, interpret_text
 from pulsewright.motion.moves import Event, MoveKind, Plane
 
@@ -73,6 +74,46 @@ def test_moves_of_no_length_are_dropped_with_their_modes_kept():
     assert m.feed.tolist() == [math.inf, 1]
     # 0.1 + 0.2 is not 0.3, but by rounding alone
     assert ends("G91 G0 X.1\nX.2\nG90 X.3") == [[0.1, 0, 0], [0.3, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("words", "end"),
+    [
+        ("A350", [350]),
+        ("A350\nA10", [350, 370]),  # onwards past 360
+        ("A350\nA10\nA-10", [350, 370]),  # is there
+        ("A350\nA10\nA-350", [350, 370, 350]),  # backwards
+        ("A90\nA-0", [90, 0]),
+        ("A90\nA-180", [90, -180]),
+        ("A90\nA-180\nA0", [90, -180, 0]),
+        ("A90\nA-180\nA200", [90, -180, -160]),
+        ("A90\nG91 A720\nG90 A80", [90, 810, 1160]),
+        ("A90\nG10 L2 P1 A30\nA90", [90, 120]),
+        ("A100\nG10 L2 P1 A30\nG53 G1 A45\nG53 G1 A-20", [100, 405, 380]),
+        ("A100\nG92 A10\nA0", [100, 450]),
+        ("A100\nG28", [100, 360]),
+        ("A-100\nG28.1\nA5\nG28", [-260, 5, 100]),
+        (
+            "A.1\nA[0.1+0.000000000001]\nA[0.1-0.000000000001]",
+            [0.1],
+        ),  # rounding is no reason for a turn
+    ],
+)
+def test_a_wrapped_axis_goes_on_to_a_place_within_a_turn_or_back_by_the_sign(words, end):
+    m = moves(f"G1 F100 {words}", axes="XYZA", wrapped="A")
+    assert m.end[:, 3] == pytest.approx(end, abs=1e-9)
+
+
+@pytest.mark.parametrize("word", ["A360", "A-360", "G53 A360"])
+def test_a_wrapped_axis_has_no_place_beyond_a_turn(word):
+    with pytest.raises(GcodeError, match=r"axis A is wrapped.*below 360"):
+        moves(f"G1 F100 X1\n{word}", axes="XYZA", wrapped="A")
+
+
+def test_only_rotary_axes_of_the_machine_are_wrapped():
+    for wrapped in ("X", "B"):
+        with pytest.raises(UsageError, match=f"not {wrapped}"):
+            InterpreterSettings(axes="XYZA", wrapped=wrapped)
 
 
 def test_rotary_axes_are_degrees_in_any_units():

@@ -55,7 +55,7 @@ def test_default_machine_is_a_four_axis_mill():
     assert (machine.board.name, machine.link.url) == ("usc", "twin:")
 
 
-@pytest.mark.parametrize("name", ["mill", "inch_router", "corexy_engraver"])
+@pytest.mark.parametrize("name", ["mill", "inch_router", "corexy_engraver", "five_axis"])
 def test_example_machines_load(examples, name):
     assert "XYZ" in Machine.load(examples / "machines" / f"{name}.toml").axes
 
@@ -102,6 +102,13 @@ def test_scales_are_exact(given, exact):
         ("name", "kinematics.type = 'delta'\nname", "kinematics.type", ["delta", "corexy"]),
         ("name", "kinematics.type = 'corexy'\nname", "kinematics.type", ["X and Y"]),
         ("name", "board.option.x = 1\nname", "board.option", ["did you mean 'options'"]),
+        ("min = -10", "", "axis.X.min", ["missing", "rotary"]),
+        ("max = 20", "", "axis.X.max", ["missing", "rotary"]),
+        ("min", "wrapped = true\nmin", "axis.X.wrapped", ["rotary", "min and max"]),
+        ("min", "wrapped = 1\nmin", "axis.X.wrapped", ["1 given", "bool"]),
+        ("min", "reversed = 1\nmin", "axis.X.reversed", ["1 given", "true and false"]),
+        ("min", "reversed = []\nmin", "axis.X.reversed", ["true and false"]),
+        ("min", "reversed = [true, false]\nmin", "axis.X.reversed", ["2 flags", "1 motors"]),
         ("[axis.X]", "[axis.X", "", ["TOML", "line 3"]),
     ],
 )
@@ -112,6 +119,30 @@ def test_mistakes_are_explained(old, new, key, words):
     message = str(caught.value)
     assert message.startswith(f"my.toml: {key}" if key else "my.toml: ")
     assert all(word in message for word in words), message
+
+
+ROTARY = """
+[axis.A]
+motor = 1
+steps_per_degree = 50
+velocity = 90
+acceleration = 900
+"""
+
+
+def test_a_rotary_axis_without_limits_turns_without_end():
+    machine = Machine.parse(MINIMAL + ROTARY)
+    assert machine.wrapped == ""
+    machine.check_travel(moves([(0, 0, 0, 1e6, 0, 0), (0, 0, 0, -1e6, 0, 0)]))
+    with pytest.raises(MotionLimitError, match=r"A reaches -91 degrees.*axis\.A\.min = -90"):
+        Machine.parse(MINIMAL + ROTARY + "min = -90").check_travel(moves([(0, 0, 0, -91, 0, 0)]))
+
+
+def test_only_a_rotary_axis_without_limits_is_wrapped():
+    assert Machine.parse(MINIMAL + ROTARY + "wrapped = true").wrapped == "A"
+    for limit in ("min = 0", "max = 360"):
+        with pytest.raises(MachineError, match=r"axis\.A\.wrapped: true given; only a rotary"):
+            Machine.parse(MINIMAL + ROTARY + f"wrapped = true\n{limit}")
 
 
 def test_two_axes_cannot_share_a_motor():

@@ -13,6 +13,7 @@ from pulsewright.app.progress import Progress, silent
 from pulsewright.errors import CheckFailedError
 from pulsewright.motion.certificate import Certificate, Certifier
 from pulsewright.motion.gcode import InterpreterSettings, interpret
+from pulsewright.motion.gcode.tools import Tool
 from pulsewright.motion.machine import WORK_OFFSETS, Machine
 from pulsewright.motion.stream import Planner
 from pulsewright.verify.verdict import plain
@@ -46,9 +47,14 @@ def interpreter_settings(machine: Machine) -> InterpreterSettings:
     """Return what a program takes from the machine."""
     return InterpreterSettings(
         axes=machine.axes,
+        wrapped=machine.wrapped,
         start=machine.start_position().tolist(),
         work_offsets={name: machine.offset(name).tolist() for name in WORK_OFFSETS},
-        tools={number: tool.length for number, tool in machine.tools.items()} or None,
+        tools={
+            number: Tool(number, number, (0.0, 0.0, tool.length, 0.0, 0.0, 0.0), tool.diameter)
+            for number, tool in machine.tools.items()
+        }
+        or None,
         path_tolerance=machine.path.tolerance or machine.exact_tolerance,
         exact_tolerance=machine.exact_tolerance,
     )

@@ -21,6 +21,10 @@ class Drive(Protocol):
         """Indices of the motors of this axis."""
 
     @property
+    def directions(self) -> Sequence[int]:
+        """Which way each of them turns while the axis goes forward, 1 or -1."""
+
+    @property
     def steps_per_unit(self) -> Fraction:
         """Steps of each of them per millimetre or degree."""
 
@@ -32,7 +36,8 @@ class Cartesian:
         """Return the steps of each motor per mm or degree of each axis, shape (motors, 6)."""
         matrix = np.zeros((sum(len(axis.motors) for axis in axes.values()), len(AXES)))
         for letter, axis in axes.items():
-            matrix[list(axis.motors), AXES.index(letter)] = float(axis.steps_per_unit)
+            scale = float(axis.steps_per_unit)
+            matrix[list(axis.motors), AXES.index(letter)] = scale * np.array(axis.directions)
         return matrix
 
 

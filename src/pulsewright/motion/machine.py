@@ -70,6 +70,14 @@ def _motor_tuple(value: Any) -> tuple[int, ...]:
     return tuple(motors)
 
 
+def _flags(value: Any) -> tuple[bool, ...]:
+    """Return what holds for each motor of an axis: one flag, or a list for a gantry."""
+    flags = value if isinstance(value, list | tuple) else [value]
+    if not flags or not all(isinstance(flag, bool) for flag in flags):
+        raise ValueError("allowed are true and false, or a list of them for a gantry")
+    return tuple(flags)
+
+
 def _upper_keys(value: Any) -> Any:
     return {str(k).upper(): v for k, v in value.items()} if isinstance(value, dict) else value
 
@@ -98,6 +106,7 @@ NotZero = Annotated[Finite, AfterValidator(_not_zero)]
 Scale = Annotated[Fraction, BeforeValidator(_exact)]
 Coordinates = Annotated[dict[Letter, Finite], BeforeValidator(_upper_keys)]
 Motors = Annotated[tuple[int, ...], BeforeValidator(_motor_tuple)]
+Flags = Annotated[tuple[bool, ...], BeforeValidator(_flags)]
 Bit = Annotated[int, Field(strict=True, ge=0)]
 
 
@@ -111,10 +120,14 @@ class Axis(_Table):
     """One axis: its drive and its limits [mm or degrees, s]."""
 
     motors: Motors = Field(alias="motor")
+    reversed: Flags = (False,)
+    """Whether a motor turns the other way: one for all, or one for each."""
     steps_per_mm: Scale | None = None
     steps_per_degree: Scale | None = None
-    min: Finite
-    max: Finite
+    min: Finite = -math.inf
+    max: Finite = math.inf
+    wrapped: Annotated[bool, Field(strict=True)] = False
+    """Of a rotary axis: absolute words say where within a turn, and by their sign which way."""
     velocity: Positive
     acceleration: Positive
     jerk: Positive | None = None
@@ -123,6 +136,12 @@ class Axis(_Table):
     def jerk_limit(self) -> float:
         """Largest jerk; by default the acceleration is built up in `RISE` seconds."""
         return self.acceleration / RISE if self.jerk is None else self.jerk
+
+    @property
+    def directions(self) -> tuple[int, ...]:
+        """Which way each motor turns while the axis goes forward, 1 or -1."""
+        flags = self.reversed * (len(self.motors) if len(self.reversed) == 1 else 1)
+        return tuple(-1 if flag else 1 for flag in flags)
 
     @property
     def steps_per_unit(self) -> Fraction:
@@ -272,6 +291,23 @@ class Machine(_Table):
                     else f"missing; axis {letter} is {kind} and needs its steps per {unit}",
                     key=f"axis.{letter}.steps_per_{other if given[other] is not None else unit}",
                 )
+            missing = {"min", "max"} - axis.model_fields_set
+            if missing and letter in LINEAR:
+                raise MachineError(
+                    "missing; this entry is required, only a rotary axis may turn without end",
+                    key=f"axis.{letter}.{max(missing)}",
+                )
+            if axis.wrapped and (letter in LINEAR or len(missing) < 2):
+                raise MachineError(
+                    "true given; only a rotary axis without min and max can be wrapped",
+                    key=f"axis.{letter}.wrapped",
+                )
+            if len(axis.reversed) not in (1, len(axis.motors)):
+                raise MachineError(
+                    f"{len(axis.reversed)} flags given for {len(axis.motors)} motors; allowed are "
+                    "one for all, or one for each",
+                    key=f"axis.{letter}.reversed",
+                )
             if axis.min >= axis.max:
                 raise MachineError(
                     f"{axis.max:g} given; must be above axis.{letter}.min = {axis.min:g}",
@@ -322,6 +358,11 @@ class Machine(_Table):
     def motors(self) -> int:
         """Number of motors."""
         return sum(len(axis.motors) for axis in self.axis.values())
+
+    @property
+    def wrapped(self) -> str:
+        """Letters of the wrapped axes."""
+        return "".join(letter for letter in self.axes if self.axis[letter].wrapped)
 
     @property
     def exact_tolerance(self) -> float:

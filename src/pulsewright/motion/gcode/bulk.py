@@ -36,7 +36,8 @@ class Bulk:
         data = source.data if source.data.endswith(b"\n") else source.data + b"\n"
         self._data = np.frombuffer(data, np.uint8)
         self._columns = np.full(26, -1, np.int64)
-        for letter in interpreter.settings.axes:
+        settings = interpreter.settings
+        for letter in set(settings.axes) - set(settings.wrapped):
             self._columns[ord(letter) - ord("A")] = AXES.index(letter)
         self._lines = np.empty(ROWS, np.int32)
         self._ends = np.empty((ROWS, len(AXES)))

@@ -37,6 +37,8 @@ from pulsewright.motion.moves import AXES
 from pulsewright.units import INCH
 
 SLOWEST: Final = 0.1  # [length units or degrees per minute] that inverse time asks for
+TURN: Final = 360.0  # [degrees]
+SAME: Final = 1e-6  # so near to a position no turn is made to reach it, as offsets round [degrees]
 _PLAIN: Final = frozenset("XYZABCF")
 
 
@@ -80,7 +82,8 @@ class Context:
         self._compensation_mode = 400
         self._axis = {letter: AXES.index(letter) for letter in settings.axes}
         self._foreign = AXIS_WORDS - set(settings.axes) - {"@", "^"}
-        self._plain = _PLAIN & {*settings.axes, "F"}
+        self._wrapped = frozenset(AXES.index(letter) for letter in settings.wrapped)
+        self._plain = _PLAIN & {*settings.axes, "F"} - {*settings.wrapped}
         self._unit = (settings.unit,) * 3 + (1.0,) * 3  # of parameters [mm, degrees]
         self._next_tool = 0
         self._tool = 0
@@ -199,15 +202,32 @@ class Context:
             end = self.frame.to_machine(self.position)
             scales = self._scales()
             for axis, value in named:
-                end[axis] = value * scales[axis]
+                there = value * scales[axis]
+                wrapped = axis in self._wrapped
+                end[axis] = self._around(block, axis, there, end[axis]) if wrapped else there
             return self.frame.to_program(end)
         end = self.position.copy()
         absolute = self.modal.absolute
         for axis, value in named:
-            end[axis] = value if absolute else value + end[axis]
+            if not absolute:
+                end[axis] += value
+            elif axis in self._wrapped:
+                end[axis] = self._around(block, axis, value, end[axis])
+            else:
+                end[axis] = value
         if "@" in block.words or "^" in block.words:
             self._polar(block, end)
         return end
+
+    def _around(self, block: Block, axis: int, value: float, here: float) -> float:
+        """Return where a wrapped axis, now ``here``, gets by an absolute word."""
+        if not -TURN < value < TURN:
+            raise block.fault(
+                f"axis {AXES[axis]} is wrapped: an absolute position is above -360 and below 360 "
+                "degrees, a negative one says to turn backwards; for whole turns use G91",
+                AXES[axis],
+            )
+        return turned(value, here)
 
     def _polar(self, block: Block, end: list[float]) -> None:
         """Set X and Y from polar coordinates about the origin."""
@@ -345,3 +365,14 @@ def _tool_table(tools: Mapping[int, float | Tool] | None) -> dict[int, Tool] | N
         else Tool(number, number, (0.0, 0.0, float(tool), 0.0, 0.0, 0.0))
         for number, tool in tools.items()
     }
+
+
+def turned(value: float, here: float) -> float:
+    """Return the next place from ``here`` on that is ``abs(value)`` within a turn [degrees].
+
+    That is onwards, and for negative values, -0 included, backwards.
+    """
+    place = abs(value)
+    if math.copysign(1.0, value) > 0:
+        return place + TURN * math.ceil((here - SAME - place) / TURN)
+    return place + TURN * math.floor((here + SAME - place) / TURN)

@@ -10,7 +10,7 @@ from pulsewright.motion.gcode.codes import (
     SYSTEM_CODES,
     g_name,
 )
-from pulsewright.motion.gcode.context import Context
+from pulsewright.motion.gcode.context import TURN, Context, turned
 from pulsewright.motion.gcode.offsets import ZERO
 from pulsewright.motion.gcode.parameters import (
     G92_OFFSET,
@@ -236,7 +236,10 @@ class OriginCodes(Context):
         if named:
             self.position = self._target(block)
         self._emit(c.StraightTraverse(self.position.copy()))
-        home = self.frame.to_program(self._stored(HOME[command]))
+        machine, home = self.frame.to_machine(self.position), self._stored(HOME[command])
+        for axis in self._wrapped:
+            home[axis] = turned(home[axis] % TURN, machine[axis])
+        home = self.frame.to_program(home)
         self.position = self.position.copy()
         for letter, axis in self._axis.items():
             if letter in block.words or not named:

@@ -24,6 +24,9 @@ class InterpreterSettings:
     ----------
     axes : str
         Axes that the machine has, of "XYZABC".
+    wrapped : str
+        Those of A, B and C for which absolute words say where within a turn to go, from 0 to below
+        360 degrees, and by their sign, -0 included, which way round.
     start : (6,) floats
         Machine position before the first move [mm, degrees].
     work_offsets : mapping of str to (6,) floats
@@ -53,6 +56,7 @@ class InterpreterSettings:
     """
 
     axes: str = "XYZ"
+    wrapped: str = ""
     start: Sequence[float] = ZERO
     work_offsets: Mapping[str, Sequence[float]] = field(default_factory=dict)
     tools: Mapping[int, float | Tool] | None = None
@@ -70,6 +74,10 @@ class InterpreterSettings:
     def __post_init__(self) -> None:
         if not self.axes or set(self.axes) - set(AXES) or len(set(self.axes)) < len(self.axes):
             raise UsageError(f"axes must be different letters of {AXES}, not '{self.axes}'")
+        if unfit := set(self.wrapped) - (set(self.axes) & set("ABC")):
+            raise UsageError(
+                f"wrapped must name rotary axes of the machine, not {', '.join(sorted(unfit))}"
+            )
         if unknown := set(self.work_offsets) - set(SYSTEMS):
             raise UsageError(
                 f"unknown work offset {', '.join(sorted(unknown))}; there are {', '.join(SYSTEMS)}"

@@ -18,6 +18,7 @@ from pulsewright.errors import UsageError
 from pulsewright.motion.moves import MoveKind, Moves, Plane
 from pulsewright.motion.trajectory import Trajectory
 from pulsewright.verify import Tolerances, Verifier
+from pulsewright.verify.reference import Runs
 
 CLOCK = 40_000_000
 V, A = 50.0, 500.0
@@ -621,6 +622,40 @@ def test_rotary_axes_are_checked_in_degrees():
     verdict = verify(trace, plan, other, **options)
     assert failed(verdict) == {"coverage:ABC"}
     assert verdict["coverage:ABC"].worst == pytest.approx(1.0)
+
+
+def test_a_feed_is_lent_to_the_blend_in_the_next_move():
+    # X at 5 mm/s; A alone at 20 degrees/s; X and A at 5 mm/s; A alone; X
+    moves = straight((1, 0, 0), (1, 0, 0), (2, 0, 0), (2, 0, 0), (3, 0, 0))
+    moves.end[:, 3] = [0, 30, 60, 90, 90]
+    moves = dataclasses.replace(moves, feed=np.array([5.0, 20, 5, 20, 5]))
+    plan = stop_and_go(moves)
+    own = {"XYZ": [5, 0, 5, 0, 5], "ABC": [0, 20, np.inf, 20, 0]}
+    runs = Runs(plan, moves)
+    assert {group: feed.tolist() for group, feed in runs.feed.items()} == own
+    assert {group: feed.tolist() for group, feed in runs.lent.items()} == own
+    runs = Runs(plan, dataclasses.replace(moves, tolerance=np.full(5, 0.1)))
+    assert {group: feed.tolist() for group, feed in runs.feed.items()} == own
+    # blends reach into the moves beside: nothing is said of what these do not move themselves,
+    # and of A where X sets its pace
+    assert runs.lent["XYZ"].tolist() == [5, 5, 5, 5, 5]
+    assert runs.lent["ABC"].tolist() == [20, np.inf, np.inf, np.inf, 20]
+
+
+def test_a_feed_is_lent_only_while_the_plan_is_on_a_blend():
+    moves = straight((1, 0, 0), (1, 0, 0), tolerance=0.1)
+    moves.end[1, 3] = 30
+    plan = stop_and_go(moves)
+    assert len(plan.length) == 2
+    # the second element in two: the first degree of A on a curve
+    columns = {name: getattr(plan, name)[[0, 1, 1]] for name in ("cosine", "sine", "omega", "move")}
+    poly, length = plan.poly[[0, 1, 1]], np.array([1.0, 1.0, 29.0])
+    poly[1, 2, 3] = 1e-3
+    element, start, law = np.arange(3, dtype=np.int32), np.array([0.0, 1, 2, 3]), np.zeros((3, 4))
+    runs = Runs(Trajectory(poly, columns["cosine"], columns["sine"], columns["omega"], length,
+                           columns["move"], element, start, law), moves)  # fmt: skip
+    time, run = np.array([0.5, 1.0, 1.5, 2.5]), np.array([0, 1, 1, 1])
+    assert runs.allowed("XYZ", run, time).tolist() == [V, V, V, 0]
 
 
 def test_a_program_without_motion_passes_if_nothing_moves():

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pulsewright.motion.moves import AXES
 from pulsewright.verify.distance import PathCheck
-from pulsewright.verify.reference import Floats, Ints, Reference, largest
+from pulsewright.verify.reference import Floats, Ints, Reference
 from pulsewright.verify.verdict import Check, PathSample
 
 SPEED_WINDOW: Final = 0.01  # for pictures [s]
@@ -180,9 +180,9 @@ class DynamicsCheck:
 
     def _feed_allowed(self, run: Ints, group: str, n: int) -> Floats:
         """Return the highest feed in the window around each of n centres."""
-        # a run may be shorter than the grid: take all since the point before
-        before = np.append(run[:1], run[:-1])
-        feed = largest(self._reference.runs.feed[group], before, run + 1)
+        first = self._point - self._delay
+        time = np.arange(first, first + len(run)).astype(np.float64) * self._reference.dt
+        feed = self._reference.runs.allowed(group, run, time)
         low = self._delay - self._feed_window // 2
         return _rolling_largest(feed[low : low + n + self._feed_window], self._feed_window + 1)
 
@@ -231,7 +231,8 @@ class DynamicsCheck:
                     f"feed {peak.bound - blur:.6g} there, {blur:.3g} for steps over "
                     f"{h * 1e3:.3g} ms; not where a traverse is within"
                     if math.isfinite(peak.bound)
-                    else "there are only traverses",
+                    else "there are only traverses"
+                    + (", and motion that X Y Z pace" if path.group == "ABC" else ""),
                 )
             )
         return checks

@@ -146,6 +146,11 @@ class Runs:
     rapid : (r,) bool
     feed : dict of (r,) float64
         Highest feed of the moves it stands for: ``XYZ`` [mm/s], ``ABC`` [degrees/s].
+    lent : dict of (r,) float64
+        The same on blends: a blend carries motion on into the next run, whose feed may say nothing
+        of it.
+    entered, left : (r,) float64
+        When the blend at its start ends, and when the one at its end begins [s].
     """
 
     def __init__(self, plan: Trajectory, moves: Moves) -> None:
@@ -156,9 +161,13 @@ class Runs:
         self.until = np.append(self.move[1:], self.move[-1])
         self.start = plan.start[:-1][first]
         self.end = np.append(self.start[1:], plan.duration)
+        straight = (plan.poly[:, 2:] == 0).all(axis=(1, 2))[plan.element]
+        self.entered = np.minimum.reduceat(np.where(straight, plan.start[:-1], np.inf), first)
+        self.left = np.maximum.reduceat(np.where(straight, plan.start[1:], -np.inf), first)
+        self.feed, self.lent = dict[str, Floats](), dict[str, Floats]()
         if not len(moves):
             self.tolerance, self.rapid = np.zeros(1), np.zeros(1, bool)
-            self.feed = {"XYZ": np.zeros(1), "ABC": np.zeros(1)}
+            self.feed = self.lent = {"XYZ": np.zeros(1), "ABC": np.zeros(1)}
             return
         if (np.diff(self.move) < 0).any() or not 0 <= self.move[0] <= self.move[-1] < len(moves):
             raise UsageError(
@@ -178,10 +187,32 @@ class Runs:
         # A feed is along X Y Z where one of them moves, and then says nothing of A B C.
         linear_feed = np.where(linear, feed, 0.0)
         rotary_feed = np.where(rotary, np.where(linear, np.inf, feed), 0.0)
-        self.feed = {
-            "XYZ": largest(linear_feed, before + 1, after),
-            "ABC": largest(rotary_feed, before + 1, after),
-        }
+        # Nothing is said of what no move of its own does, nor of A B C beside a run where they go
+        # along with X Y Z at any rate.
+        moving, together = (
+            largest(which.astype(float), before + 1, after)
+            for which in (linear | rotary, linear & rotary)
+        )
+        rounded = moves.tolerance[self.move] > 0
+        for group, column in (("XYZ", linear_feed), ("ABC", rotary_feed)):
+            feed = largest(column, before + 1, after)
+            foreign = feed == 0
+            if group == "ABC":
+                foreign |= _beside(together, rounded) > 0
+            most = np.maximum(feed, _beside(feed, rounded))
+            self.feed[group] = feed
+            self.lent[group] = np.where((moving > 0) & foreign, most, feed)
+
+    def allowed(self, group: str, run: Ints, time: Floats) -> Floats:
+        """Return the highest feed at each time, and in all runs since the time before it.
+
+        ``time`` (n,) is in the runs ``run`` (n,) [s].
+        """
+        before = np.append(run[:1], run[:-1])
+        feed = largest(self.feed[group], before, run + 1)
+        lent = largest(self.lent[group], before, run + 1)
+        blended = (time < self.entered[run]) | (time > self.left[run])
+        return np.asarray(np.where(blended, lent, feed))
 
     def at(self, time: Floats) -> Ints:
         """Return the run at each time [s]."""
@@ -193,6 +224,16 @@ def largest(values: Floats, begin: Ints, end: Ints) -> Floats:
     """Return the largest of ``values[begin[i]:end[i]]`` for each i; no range may be empty."""
     pairs = np.stack([begin, end], axis=1).ravel()
     return np.asarray(np.maximum.reduceat(np.append(values, -np.inf), pairs)[::2])
+
+
+def _beside(values: Floats, rounded: NDArray[np.bool_]) -> Floats:
+    """Return the larger of the values before and after each; 0 where no rounded corner joins them.
+
+    ``rounded`` is for the corner after each.
+    """
+    before = np.where(rounded, values, 0.0)[:-1]
+    after = np.where(rounded[:-1], values[1:], 0.0)
+    return np.asarray(np.maximum(np.append(0.0, before), np.append(after, 0.0)))
 
 
 def _corners(moves: Moves) -> Floats:

@@ -10,6 +10,7 @@ from typing import Final, NoReturn
 from pulsewright.errors import GcodeError
 from pulsewright.motion.gcode.faults import Fault
 from pulsewright.motion.gcode.interpreter import Interpreter
+from pulsewright.motion.gcode.often import FAILURES, OFTEN, Run, run_from
 from pulsewright.motion.gcode.parameters import LOCALS
 from pulsewright.motion.gcode.reader import Label, Line, OWord, label_name
 from pulsewright.motion.gcode.source import BLANK, Construct, Source
@@ -66,6 +67,7 @@ class Flow:
         self._closed = False  # and it has come to its second one
         self._empty = True
         self._files: dict[Label, Source] = {}
+        self._runs: dict[Line, Run | None] = {}
         self._value, self._has_value = 0.0, 0.0
         interpreter.parameters.predefined = {
             **interpreter.parameters.predefined,
@@ -167,6 +169,10 @@ class Flow:
             return
         interpreter.canon.line = i + 1
         if line.only_sets:
+            if self._calls or self._loops:
+                line.passes += 1
+                if line.passes > OFTEN and self._set_many(line, i):
+                    return
             line.set_parameters(interpreter.parameters)
         else:
             interpreter.execute(line)
@@ -175,6 +181,22 @@ class Flow:
         self._next = i + 1
         if interpreter.request is not None:
             self._serve(interpreter.request)
+
+    def _set_many(self, line: Line, i: int) -> bool:
+        """Carry out all lines from line ``i`` on that only set parameters, if that can be."""
+        if line not in self._runs:
+            self._runs[line] = run_from(self._source, i)
+        run = self._runs[line]
+        if run is None or run.lines > self._left:
+            return False
+        try:
+            run.function(self._interpreter.parameters)
+        except FAILURES:
+            return False
+        self._left -= run.lines - 1
+        self._next = i + run.lines
+        self._empty = False
+        return True
 
     def _line(self, i: int) -> Line:
         """Return a line, read; a percent sign is a blank one."""

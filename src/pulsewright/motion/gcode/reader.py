@@ -174,6 +174,8 @@ class Line:
         Its words otherwise, and the parameters that it sets.
     only_sets : bool
         It does nothing but set parameters.
+    passes : int
+        How often it was come by, while that matters.
     """
 
     __slots__ = (
@@ -186,6 +188,7 @@ class Line:
         "items",
         "number",
         "only_sets",
+        "passes",
         "settings",
         "text",
     )
@@ -200,6 +203,7 @@ class Line:
         self.items: Sequence[_Item] = ()
         self.settings: Sequence[tuple[Numbered | Named, Node]] = ()
         self.only_sets = False
+        self.passes = 0
         self._codes = NO_CODES
         self._reader: _Reader | None = None
 

@@ -104,6 +104,14 @@ def test_a_wrapped_axis_goes_on_to_a_place_within_a_turn_or_back_by_the_sign(wor
     assert m.end[:, 3] == pytest.approx(end, abs=1e-9)
 
 
+def test_a_wrapped_axis_turns_alike_in_a_long_program():
+    turns = "A350 B350\nA10 B10\nA-350 B-350\n" * 1000
+    m = moves(f"G1 F100 X1\n{turns}", axes="XYZAB", wrapped="A")
+    # on past 360 and back, and to the same place; and as the numbers are
+    assert m.end[1:4, 3:5].tolist() == [[350, 350], [370, 10], [350, -350]]
+    assert m.end[1:, 3].tolist() == [350, 370, 350] * 1000
+
+
 @pytest.mark.parametrize("word", ["A360", "A-360", "G53 A360"])
 def test_a_wrapped_axis_has_no_place_beyond_a_turn(word):
     with pytest.raises(GcodeError, match=r"axis A is wrapped.*below 360"):

@@ -119,3 +119,43 @@ def test_random_settings_come_out_the_same(seed, monkeypatch):
     text = ["#1 = 1.5 #2 = -2 #<a> = 0.75 #<b> = 3", "o1 repeat [6]", *lines]
     text += ["(debug, #1 #2 #<a> #<b>)", "o1 endrepeat", ""]
     same("\n".join(text), monkeypatch)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_random_conditions_and_arguments_come_out_the_same(seed, monkeypatch):
+    rng = random.Random(seed)
+    first, second, third = (expression(rng, 2) for _ in range(3))
+    same(
+        f"""o1 sub
+        #<a> = #1
+        #<b> = #2
+        o2 if [{first}]
+        (debug, yes #1 #2)
+        o2 elseif [#<none> + 1]
+        o2 endif
+        o1 endsub [{third}]
+        #<a> = 1.25 #<b> = -2
+        o3 repeat [6]
+        o1 call [{second}] [#<_value> / 2] [#<a>]
+        #<a> = [#<a> + 1]
+        (debug, #1 #2 #<a> #<_value>)
+        o3 endrepeat
+        """,
+        monkeypatch,
+    )
+
+
+def test_a_value_that_is_too_large_is_found_in_a_call(monkeypatch):
+    ones = "1" + 60 * "0"
+    text = f"""o1 sub
+    #<a> = #1
+    o1 endsub
+    #<a> = {ones}
+    o2 repeat [9]
+    #<a> = [#<a> * 10000000000]
+    o1 call [1 / [#<a> * #<a> * #<a>]] [1]
+    o2 endrepeat
+    """
+    error = same(text, monkeypatch)
+    assert "too large" in error
+    assert ":7:" in error

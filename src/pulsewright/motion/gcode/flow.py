@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NoReturn
@@ -10,7 +10,7 @@ from typing import Final, NoReturn
 from pulsewright.errors import GcodeError
 from pulsewright.motion.gcode.faults import Fault
 from pulsewright.motion.gcode.interpreter import Interpreter
-from pulsewright.motion.gcode.often import FAILURES, OFTEN, Run, run_from
+from pulsewright.motion.gcode.often import FAILURES, OFTEN, Run, run_from, values_of
 from pulsewright.motion.gcode.parameters import LOCALS
 from pulsewright.motion.gcode.reader import Label, Line, OWord, label_name
 from pulsewright.motion.gcode.source import BLANK, Construct, Source
@@ -18,10 +18,11 @@ from pulsewright.motion.gcode.source import BLANK, Construct, Source
 FEW: Final = 8
 LONGEST_WAIT: Final = 63
 
+_NOTHING: Final = (0.0,) * LOCALS
 _CLOSE: Final = {"SUB": "endsub", "IF": "endif", "WHILE": "endwhile", "REPEAT": "endrepeat"}
 
 
-@dataclass
+@dataclass(slots=True)
 class _Call:
     """A subroutine or subprogram that runs; what its caller wants back."""
 
@@ -250,7 +251,20 @@ class Flow:
         return construct
 
     def _value_of(self, word: OWord) -> float:
-        return word.values[0].value(self._interpreter.parameters)
+        return self._values_of(word)[0]
+
+    def _values_of(self, word: OWord) -> Sequence[float]:
+        parameters = self._interpreter.parameters
+        if word.function is not None:
+            try:
+                return word.function(parameters)
+            except FAILURES:
+                pass  # the fault is found below
+        else:
+            word.passes += 1
+            if word.passes == OFTEN + 1:
+                word.function = values_of(word.values)
+        return [node.value(parameters) for node in word.values]
 
     def _sub(self, word: OWord, i: int) -> int:
         return self._construct(word, i).after
@@ -323,7 +337,7 @@ class Flow:
                 word.span.fail(f"a subroutine has a whole number, not {value:g}")
         if len(word.values) > LOCALS:
             word.span.fail(f"a call passes {LOCALS} values at most")
-        arguments = [node.value(parameters) for node in word.values]
+        arguments = self._values_of(word)
         source, construct = self._find(label, word)
         if construct.tail < 0:
             word.span.fail(f"{label_name(label)} sub is not closed by endsub")
@@ -331,7 +345,7 @@ class Flow:
             _Call(label, self._source, i + 1, parameters.local, parameters.numbered[1 : LOCALS + 1])
         )
         parameters.local = {}
-        parameters.numbered[1 : LOCALS + 1] = arguments + [0.0] * (LOCALS - len(arguments))
+        parameters.numbered[1 : LOCALS + 1] = (*arguments, *_NOTHING[len(arguments) :])
         self._source = source
         return construct.head + 1
 

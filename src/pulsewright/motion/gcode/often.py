@@ -1,14 +1,14 @@
-"""Lines that set parameters, as Python functions: loops and subroutines come by them often.
+"""Lines and values as Python functions, for loops and subroutines, which come by them often.
 
-A function carries out all such lines that follow each other. It sets nothing before all values are
-worked out; so where anything goes wrong it has no effect, and the lines can be carried out one by
-one to find the fault at its place.
+A function carries out all lines that only set parameters and follow each other. It sets nothing
+before all values are worked out; so where anything goes wrong it has no effect, and the lines can
+be carried out one by one to find the fault at its place.
 """
 
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 from pulsewright.motion.gcode.expressions import (
@@ -59,6 +59,12 @@ def run_from(source: Source, first: int) -> Run | None:
     return Run(writer.size, writer.function()) if writer.held else None
 
 
+def values_of(nodes: Sequence[Node]) -> Callable[[Parameters], Sequence[float]] | None:
+    """Return what works out some values, if it can be made."""
+    writer = _Writer()
+    return writer.values(nodes) if all(map(writer.readable, nodes)) else None
+
+
 class _Writer:
     """Writes one function; in it ``n`` and ``l`` are the numbered and the local parameters."""
 
@@ -72,13 +78,14 @@ class _Writer:
     def takes(self, key: Numbered | Named, node: Node) -> bool:
         """Return whether a setting can be written."""
         number = isinstance(key, Fixed) and key.index not in READ_ONLY
-        return (number or (isinstance(key, Named) and key.local)) and self._readable(node)
+        return (number or (isinstance(key, Named) and key.local)) and self.readable(node)
 
-    def _readable(self, node: Node) -> bool:
+    def readable(self, node: Node) -> bool:
+        """Return whether a value can be written."""
         if isinstance(node, Binary):
-            return self._readable(node.left) and self._readable(node.right)
+            return self.readable(node.left) and self.readable(node.right)
         if isinstance(node, Negative | Function):
-            return self._readable(node.node)
+            return self.readable(node.node)
         return isinstance(node, Number | Fixed) or (isinstance(node, Named) and node.local)
 
     def write(self, settings: Any) -> None:
@@ -90,15 +97,23 @@ class _Writer:
         self.held |= found
 
     def function(self) -> Callable[[Parameters], None]:
-        """Return the function."""
+        """Return the function that carries out the lines."""
+        return self._made([f"{self._place(key)} = {name}" for key, name in self.held.items()])
+
+    def values(self, nodes: Sequence[Node]) -> Callable[[Parameters], Sequence[float]]:
+        """Return the function that works out some values."""
+        found = [self._operand(node) for node in nodes]
+        return self._made([f"return [{', '.join(found)}]"])
+
+    def _made(self, end: list[str]) -> Callable[[Parameters], Any]:
+        """Return a function that works out all variables, checks them, and ends so."""
         lines = ["def run(p):", "n, l = p.numbered, p.local", *self._lines]
         if self._checked:
             zero = " + ".join(f"({name} - {name})" for name in self._checked)
             lines += [f"if {zero} != 0.0:", "    raise OverflowError"]
-        lines += [f"{self._place(key)} = {name}" for key, name in self.held.items()]
         names = dict(self._known)
-        exec("\n    ".join(lines), names)
-        made: Callable[[Parameters], None] = names["run"]
+        exec("\n    ".join(lines + end), names)
+        made: Callable[[Parameters], Any] = names["run"]
         return made
 
     @staticmethod

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple, NoReturn
 
@@ -88,11 +89,13 @@ class _Item(NamedTuple):
     end: int
 
 
-class OWord(NamedTuple):
+@dataclass(slots=True, eq=False)
+class OWord:
     """The flow of control that a line asks for.
 
     ``keyword`` is empty where the line is the label of an M98 subprogram. ``label`` is None where
-    it must be worked out (``o#1 call``); then ``node`` does that.
+    it must be worked out (``o#1 call``); then ``node`` does that. ``passes`` is how often its
+    values were worked out, while that matters, and ``function`` does it from then on.
     """
 
     keyword: str
@@ -100,6 +103,8 @@ class OWord(NamedTuple):
     node: Node | None
     values: tuple[Node, ...]
     span: Span
+    passes: int = 0
+    function: Callable[[Parameters], Sequence[float]] | None = None
 
     @property
     def name(self) -> str:

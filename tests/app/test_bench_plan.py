@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from pulsewright.app import bench_plan
-from pulsewright.app.bench_optimum import optimum
+from pulsewright.app.bench_optimum import bound, optimum
 from pulsewright.motion.gcode import interpret_text
 from pulsewright.motion.plan import blended_path
 
@@ -42,10 +43,44 @@ def test_the_optimum_of_a_circle_is_that_of_its_radial_acceleration():
 
 def test_a_plan_takes_the_rise_of_its_acceleration_longer():
     moves = interpret_text("G1 F3000 X100").moves
-    ratio, spent = bench_plan.measured(moves, MACHINE)
+    result = bench_plan.measured(moves, MACHINE)
     best = 100 / 50 + 50 / 3000
-    assert ratio == pytest.approx((best + 3000 / 1e6) / best, rel=1e-3)
-    assert spent > 0
+    assert result.second == pytest.approx(best, rel=1e-5)
+    assert result.time == pytest.approx(best + 3000 / 1e6, rel=1e-3)
+    assert result.spent > 0
+
+
+@pytest.mark.parametrize(
+    ("text", "time"),
+    [
+        # by jerk alone: at its ends the acceleration would be 1e6 * 4.93e-3 / 2, less than 3000
+        ("G1 F12000 X0.01", (12 * 0.01 / 1e6) ** (1 / 3)),
+        # 3000 mm/s^2 to and fro, from one to the other in 6 ms: 3 mm + 9 um = 3000 T^2 / 4
+        ("G1 F12000 X3", math.sqrt(4 * 3.009 / 3000)),
+        # to and fro: the acceleration goes on through the reversal
+        ("G64 P1\nG1 F12000 X0.01\nX0\nX0.01", 3 * (12 * 0.01 / 1e6) ** (1 / 3)),
+        ("G1 F12000 X0.01\nG4 P0.5\nX0", 0.5 + 2 * (12 * 0.01 / 1e6) ** (1 / 3)),
+    ],
+)
+def test_jerk_takes_its_time(text, time):
+    assert bound(*blended_path(interpret_text(text).moves, MACHINE), 64) == pytest.approx(time)
+
+
+@pytest.mark.parametrize("jerk", [1e6, 3e5])
+def test_no_plan_is_faster_than_its_bound(jerk):
+    machine = bench_plan.bench_machine(jerk)
+    # 0.05 mm to and fro, rounded: Y is as good as alone, and X moves on
+    zigzag = [(0.05 * n, 0.05 * (n % 2)) for n in range(1, 60)]
+    result = bench_plan.measured(interpret_text(lines(zigzag)).moves, machine)
+    assert 1.05 * result.second < result.third <= result.time < 1.3 * result.third
+    for seed in range(10):
+        walk = np.random.default_rng(seed).normal(0, 0.3, (60, 2)).cumsum(axis=0)
+        result = bench_plan.measured(interpret_text(lines(walk)).moves, machine)
+        assert result.second <= result.third <= result.time
+
+
+def lines(points):
+    return "G64 P0.02\nF12000\n" + "".join(f"G1 X{x:.6f} Y{y:.6f}\n" for x, y in points)
 
 
 def test_a_circle_in_chords_is_driven_like_one():

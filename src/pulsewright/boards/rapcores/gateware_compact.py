@@ -158,13 +158,11 @@ class CompactCore(DocumentCore):
     def _configuration(self, m: Module) -> None:
         """Add what configuration does; what is read is in memory."""
         word, registers, motors = self._spi.word, self._registers, self._motors
-        bits = Signal(32)  # that are stored
-        known = Signal()
-        with m.Switch(self._address):
-            for place, width in STORED:
-                with m.Case(place):
-                    size = motors if width is None else width
-                    m.d.comb += [bits.eq((1 << size) - 1), known.eq(1)]
+        self._fetch = Signal()  # the next word is one that reads memory
+        known = Signal()  # the address is that of a register in memory: it was read with the header
+        with m.If(self._spi.strobe & self._idle):
+            m.d.sync += known.eq(self._fetch)
+        stored = Cat(_stored(self._address, n, motors) for n in range(32))
         write, duration = Signal(), Signal()
         slot = Signal.like(self._sequencer.write_slot)
         m.d.sync += [
@@ -181,7 +179,7 @@ class CompactCore(DocumentCore):
                     _configuration_place(self._address),
                 )
             ),
-            registers.write_data.eq(word & (bits | duration.replicate(32))),
+            registers.write_data.eq(word & (stored | duration.replicate(32))),
         ]
 
         def register(target: Value, place: int, value: Value, init: int = 0) -> None:
@@ -252,7 +250,6 @@ class CompactCore(DocumentCore):
 
         soon = Signal()
         m.d.sync += soon.eq(spi.soon)
-        self._fetch = Signal()  # the next word is one that reads memory
         m.d.comb += [
             registers.block.eq(spi.soon | soon | spi.strobe),
             registers.choose.eq(spi.strobe),
@@ -282,7 +279,7 @@ class CompactCore(DocumentCore):
 
     def _reply_nothing(self, m: Module) -> None:
         m.d.sync += [
-            *(self._reply.eq(0), self._late.eq(0), self._extend.eq(0)),
+            *(self._reply.eq(0), self._late.eq(self._registers.read), self._extend.eq(0)),
             *(self._short_reply.eq(0), self._inverted.eq(0)),
         ]
 
@@ -290,8 +287,7 @@ class CompactCore(DocumentCore):
         m.d.comb += self._snap.eq(1)
 
     def _reply_telemetry(self, m: Module) -> None:
-        with m.If(self._fetch):
-            m.d.sync += [self._late.eq(1), self._extend.eq(1)]
+        m.d.sync += self._extend.eq(1)
 
     def _reply_status(self, m: Module, address: Value) -> None:
         block, _ = _relative(address)
@@ -302,13 +298,9 @@ class CompactCore(DocumentCore):
             for flags, value in self._flags().items():
                 with m.Case(flags):
                     m.d.sync += [self._reply.eq(value), self._extend.eq(0)]
-            with m.Default():
-                m.d.sync += self._late.eq(1)
 
     def _reply_configuration(self, m: Module, address: Value) -> None:
         with m.Switch(address):
-            with m.Case(*(place for place, _ in STORED)):
-                m.d.sync += self._late.eq(1)
             for place, current in zip(reg.W_CURRENT, self._current, strict=False):
                 with m.Case(place):
                     m.d.sync += self._reply.eq(current)
@@ -353,6 +345,18 @@ def _relative(address: Value) -> tuple[Value, Value]:
     """Return which block of 64 a status register is in, from encoder positions on, and where."""
     relative = address - reg.R_ENCODER_POSITION[0]
     return relative[6:8], relative[:6]
+
+
+def _stored(address: Value, bit: int, motors: int) -> Value:
+    """Return whether a bit is stored, as in `STORED`, by the register of an address there."""
+    if bit == 0:
+        return Const(1)
+    found = ~address[7]
+    if bit < TIMER_BITS:
+        found |= ~address[2]
+    if bit < motors:
+        found |= address[1] & address[2]
+    return found
 
 
 def _configuration_place(address: Value) -> Value:

@@ -84,24 +84,24 @@ class SpiWordPort(Component):
 
         bit = Signal(3, init=7)  # of the byte that goes out
         whole, whole_before = Signal(), Signal()  # the last fall ended a byte
-        last, last_before = Signal(), Signal()  # the last byte ended a word
         with m.If(cs):
             m.d.sync += bit.eq(7)
         with m.Elif(fall):
             m.d.sync += [bit.eq(bit - 1), whole.eq(bit == 0)]
         with m.If(rise):
             m.d.sync += self.received.eq(Cat(copi, self.received))
-        m.d.sync += [whole_before.eq(whole), last_before.eq(last)]
+        m.d.sync += [
+            whole_before.eq(whole),
+            self.strobe.eq(self.byte_strobe & (self.byte == self._bytes - 1)),
+        ]
         m.d.comb += [
             self.soon.eq(fall & (bit == 0) & (self.byte == self._bytes - 1)),
             self.byte_strobe.eq(whole & ~whole_before),
-            self.strobe.eq(last & ~last_before),
         ]
         with m.If(self.byte_strobe):
             m.d.sync += [
                 self.byte.eq(Mux(self.byte == self._bytes - 1, 0, self.byte + 1)),
                 self.word.eq(Cat(self.word[8:], self.received)),
-                last.eq(self.byte == self._bytes - 1),
             ]
         m.d.comb += [
             self.cipo.eq(~cs & self.reply.bit_select(bit, 1)),

@@ -19,6 +19,8 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
+from pulsewright.boards.rapcores.gateware_shared import BLOCK_RAM
+
 WORD_BITS: Final = 32
 INDEX_BITS: Final = 6
 ADDRESS_BITS: Final = 9
@@ -260,7 +262,7 @@ class CountingRegisters(Component):
             shape=WORD_BITS + 1,
             depth=1 << ADDRESS_BITS,
             init=[self._contents.get(n, 0) for n in range(1 << ADDRESS_BITS)],
-            attrs={"ram_style": "block"},
+            attrs=BLOCK_RAM,
         )
         written, read = memory.write_port(), memory.read_port()
 

@@ -159,27 +159,35 @@ class CompactCore(DocumentCore):
         """Add what configuration does; what is read is in memory."""
         word, registers, motors = self._spi.word, self._registers, self._motors
         self._fetch = Signal()  # the next word is one that reads memory
+        # Bits of the reply to the word before that are not in memory; otherwise 0.
+        wide = self._encoders > 32 and self._word_bits > 32
+        self._flag = Signal(64 if wide else 32)
+        m.d.sync += self._flag.eq(0)
         known = Signal()  # the address is that of a register in memory: it was read with the header
         with m.If(self._spi.strobe & self._idle):
             m.d.sync += known.eq(self._fetch)
         stored = Cat(_stored(self._address, n, motors) for n in range(32))
-        write, duration = Signal(), Signal()
-        slot = Signal.like(self._sequencer.write_slot)
+        # In the second cycle after the one in which the word acts: in the first one there is a read.
+        write, duration = Signal(2), Signal(2)
+        slot = self._sequencer.write_slot
         m.d.sync += [
-            write.eq(self._write & known),
-            duration.eq(self._spi.strobe & self._moving & (self._number == 1)),
-            slot.eq(self._sequencer.write_slot),
+            write.eq(Cat(self._write & known, write)),
+            duration.eq(Cat(self._spi.strobe & self._moving & (self._number == 1), duration)),
         ]
+        self._store = write[0] | duration[0]
         m.d.comb += [
-            registers.write.eq(write | duration),
+            registers.write.eq(write[1] | duration[1]),
             registers.write_address.eq(
                 Mux(
-                    duration,
+                    duration[1],
                     Cat(slot, Const(0, INDEX_BITS - len(slot)), Const(Block.DURATION, 3)),
                     _configuration_place(self._address),
                 )
             ),
-            registers.write_data.eq(word & (stored | duration.replicate(32))),
+            registers.added.eq(
+                word & ((stored & write[1].replicate(32)) | duration[1].replicate(32))
+                | self._flag[:32]
+            ),
         ]
 
         def register(target: Value, place: int, value: Value, init: int = 0) -> None:
@@ -226,13 +234,16 @@ class CompactCore(DocumentCore):
     def _replies(self, m: Module) -> None:
         """Add the reply: 32 bits, and what they become in a longer word."""
         spi, registers, sequencer = self._spi, self._registers, self._sequencer
-        wide = self._encoders > 32 and self._word_bits > 32
-        self._reply = reply = Signal(64 if wide else 32)
+        # It comes from the memory of registers, if only a 0, a cycle late.
+        self._reply = reply = Signal.like(self._flag)
         self._extend, self._short_reply, self._inverted = Signal(), Signal(), Signal()
-        self._late = Signal()  # it comes from memory, a cycle late
-        value = Cat(registers.value, registers.inverted)
+        self._late = Signal()
         with m.If(self._late):
-            m.d.sync += [self._late.eq(0), reply.eq(value[:32]), self._inverted.eq(value[32])]
+            m.d.sync += [
+                self._late.eq(0),
+                reply.eq(Cat(registers.value, self._flag[32:])),
+                self._inverted.eq(registers.inverted),
+            ]
         shown, invert, byte = Signal(8), Signal(), spi.byte
         m.d.comb += [
             shown.eq(reply.word_select(byte, 8)),
@@ -244,16 +255,15 @@ class CompactCore(DocumentCore):
                 m.d.comb += invert.eq(self._inverted & self._extend)
         with m.If(self._short_reply & (byte[0] | byte[1])):
             m.d.comb += shown.eq(Mux(byte == 1, reply[8:10], 0))
-        with m.If(self._late):
-            m.d.comb += [shown.eq(value[:8]), invert.eq(value[32])]
+        with m.If(self._late):  # the bit to show is the highest one, or with a fast SCK the next
+            m.d.comb += [shown[6:].eq(registers.value[6:8]), invert.eq(registers.inverted)]
         m.d.comb += spi.reply.eq(shown ^ invert.replicate(8))
 
         soon = Signal()
         m.d.sync += soon.eq(spi.soon)
         m.d.comb += [
-            registers.block.eq(spi.soon | soon | spi.strobe),
-            registers.choose.eq(spi.strobe),
-            registers.read.eq(spi.strobe & self._fetch),
+            registers.block.eq(spi.soon | soon | spi.strobe | self._store),
+            registers.read.eq(spi.strobe),
         ]
         self._bank, self._snap = Signal(), Signal()  # of the open message; its header
         self._places(m, spi.received, spi.word[8:16])
@@ -279,7 +289,7 @@ class CompactCore(DocumentCore):
 
     def _reply_nothing(self, m: Module) -> None:
         m.d.sync += [
-            *(self._reply.eq(0), self._late.eq(self._registers.read), self._extend.eq(0)),
+            *(self._reply.eq(0), self._late.eq(self._spi.strobe), self._extend.eq(0)),
             *(self._short_reply.eq(0), self._inverted.eq(0)),
         ]
 
@@ -297,19 +307,22 @@ class CompactCore(DocumentCore):
         with m.Switch(address):
             for flags, value in self._flags().items():
                 with m.Case(flags):
-                    m.d.sync += [self._reply.eq(value), self._extend.eq(0)]
+                    m.d.sync += [self._flag.eq(value), self._extend.eq(0)]
 
     def _reply_configuration(self, m: Module, address: Value) -> None:
         with m.Switch(address):
             for place, current in zip(reg.W_CURRENT, self._current, strict=False):
                 with m.Case(place):
-                    m.d.sync += self._reply.eq(current)
+                    m.d.sync += self._flag.eq(current)
 
     def _places(self, m: Module, header: Value, address: Value) -> None:
         """Find out where in memory a reply is, a cycle before the word before it is complete."""
         block, index = _relative(address)
         place, fetch = Signal(ADDRESS_BITS, init=ZERO), Signal()
-        m.d.sync += [self._registers.read_address.eq(place), self._fetch.eq(fetch)]
+        m.d.sync += [
+            self._registers.read_address.eq(Mux(fetch, place, ZERO)),
+            self._fetch.eq(fetch),
+        ]
         with m.If(address[4:].all()):
             pass
         with m.Elif(address[6:].all()):

@@ -127,13 +127,15 @@ class CountingRegisters(Component):
         or 0 unless ``run``.
     block : In(1)
         A read comes within two cycles, or now.
-    choose : In(1), read : In(1), read_address : In(9)
-        Read a register. ``choose`` is there with ``read``, and not without ``block``; it is apart
-        from it as it comes sooner.
+    read : In(1), read_address : In(9)
+        Read a register; with ``block``.
     value : Out(32), inverted : Out(1)
         In the cycle after ``read``: its register. If ``inverted``, the complement is meant.
-    write : In(1), write_address : In(9), write_data : In(32)
-        Write a register, in the cycle after one in which a read could have been.
+    added : In(32)
+        Bits of ``value`` besides those of the register, which are 0 there; only in such a cycle,
+        and with ``write``.
+    write : In(1), write_address : In(9)
+        Write ``added`` to a register, in a cycle after one with ``block`` and without ``read``.
     capture : In(1), copy : In(1), copy_bank : In(1)
         Remember what encoders are in this cycle. Copy, from the next cycle on, position and
         velocity as they were then, into one of two blocks.
@@ -174,14 +176,13 @@ class CountingRegisters(Component):
                 "run": In(1),
                 "slot": In(range(depth)),
                 "block": In(1),
-                "choose": In(1),
                 "read": In(1),
                 "read_address": In(ADDRESS_BITS),
                 "value": Out(WORD_BITS),
                 "inverted": Out(1),
                 "write": In(1),
                 "write_address": In(ADDRESS_BITS),
-                "write_data": In(WORD_BITS),
+                "added": In(WORD_BITS),
                 "capture": In(1),
                 "copy": In(1),
                 "copying": Out(1),
@@ -197,8 +198,8 @@ class CountingRegisters(Component):
         while cycles != before:
             before = cycles
             copies = min(self._depth + 1, cycles // self._tick_cycles + 2)
-            # three cycles of each word of a message are free for a read
-            reads = 3 * (cycles // 64 + 1)
+            # four cycles of each word of a message are free for a read and a write
+            reads = 4 * (cycles // 64 + 1)
             cycles = turns + self._depth + copy * copies + reads
         return cycles
 
@@ -222,7 +223,7 @@ class CountingRegisters(Component):
         kind, index = Signal(3), Signal(INDEX_BITS)
         scan_kind, scan_index = self._scan(m, turn)
         copy_time, copy_index = self._copy_scan(m, free, copies)
-        with m.If(self.choose):
+        with m.If(self.read):
             m.d.comb += index.eq(self.read_address)
             with m.Switch(self.read_address[INDEX_BITS:]):
                 with m.Case(Block.POSITION):
@@ -243,7 +244,7 @@ class CountingRegisters(Component):
         with m.Else():
             m.d.comb += [kind.eq(scan_kind), index.eq(scan_index)]
 
-        live = self.choose | ~self.copying
+        live = self.read | ~self.copying
         changes = self._changes(m, turn, live, kind, index)
         counted, often = changes[1:3]
         # Kept for the jobs of the turn.
@@ -254,7 +255,7 @@ class CountingRegisters(Component):
             m.d.sync += [
                 *(old.eq(new) for old, new in zip(kept, changes, strict=True)),
                 kept_index.eq(index),
-                kept_own.eq(~self.choose),
+                kept_own.eq(~self.read),
                 kept_copy.eq(~live),
             ]
 
@@ -310,7 +311,7 @@ class CountingRegisters(Component):
         operand = Signal(self._delta_bits)
         total = Signal(WORD_BITS)
         m.d.comb += [
-            total.eq(read.data[:WORD_BITS] + operand.as_signed()),
+            total.eq((read.data[:WORD_BITS] + operand.as_signed())[:WORD_BITS] | self.added),
             self.value.eq(total),
             self.inverted.eq(read.data[WORD_BITS]),
             written.addr.eq(_place(Block.COUNTS, kept_index)),
@@ -343,7 +344,7 @@ class CountingRegisters(Component):
                 copied_address(job == Job.VELOCITY, kept_index, self.copy_bank)
             )
         with m.If(self.write):
-            m.d.comb += [written.addr.eq(self.write_address), written.data.eq(self.write_data)]
+            m.d.comb += written.addr.eq(self.write_address)
         with m.If(self.clear):
             m.d.comb += written.addr.eq(self.clear_address)
             with m.Switch(self.clear_address):

@@ -159,36 +159,34 @@ class CompactCore(DocumentCore):
         """Add what configuration does; what is read is in memory."""
         word, registers, motors = self._spi.word, self._registers, self._motors
         self._fetch = Signal()  # the next word is one that reads memory
-        # Bits of the reply to the word before that are not in memory; otherwise 0.
+        # Bits of the reply that are not in memory, in the first cycle after the one in which a word
+        # acts; in the second one what is stored.
         wide = self._encoders > 32 and self._word_bits > 32
-        self._flag = Signal(64 if wide else 32)
-        m.d.sync += self._flag.eq(0)
+        self._added = added = Signal(64 if wide else 32, reset_less=True)
+        m.d.sync += added.eq(0)
         known = Signal()  # the address is that of a register in memory: it was read with the header
         with m.If(self._spi.strobe & self._idle):
             m.d.sync += known.eq(self._fetch)
-        stored = Cat(_stored(self._address, n, motors) for n in range(32))
-        # In the second cycle after the one in which the word acts: in the first one there is a read.
-        write, duration = Signal(2), Signal(2)
+        write, duration = Signal(), Signal()
         slot = self._sequencer.write_slot
+        self._store = write | duration
         m.d.sync += [
-            write.eq(Cat(self._write & known, write)),
-            duration.eq(Cat(self._spi.strobe & self._moving & (self._number == 1), duration)),
-        ]
-        self._store = write[0] | duration[0]
-        m.d.comb += [
-            registers.write.eq(write[1] | duration[1]),
+            write.eq(self._write & known),
+            duration.eq(self._spi.strobe & self._moving & (self._number == 1)),
+            registers.write.eq(self._store),
             registers.write_address.eq(
                 Mux(
-                    duration[1],
+                    duration,
                     Cat(slot, Const(0, INDEX_BITS - len(slot)), Const(Block.DURATION, 3)),
                     _configuration_place(self._address),
                 )
             ),
-            registers.added.eq(
-                word & ((stored & write[1].replicate(32)) | duration[1].replicate(32))
-                | self._flag[:32]
-            ),
         ]
+        ends = sorted({1, TIMER_BITS, min(motors, 32), 32})
+        for first, end in zip([0, *ends], ends, strict=False):
+            with m.If((write & _stored(self._address, first, motors)) | duration):
+                m.d.sync += added[first:end].eq(word[first:end])
+        m.d.comb += registers.added.eq(added[:32])
 
         def register(target: Value, place: int, value: Value, init: int = 0) -> None:
             stored = Signal(len(target), init=init, name=f"config{place:02x}")
@@ -235,29 +233,33 @@ class CompactCore(DocumentCore):
         """Add the reply: 32 bits, and what they become in a longer word."""
         spi, registers, sequencer = self._spi, self._registers, self._sequencer
         # It comes from the memory of registers, if only a 0, a cycle late.
-        self._reply = reply = Signal.like(self._flag)
+        self._reply = reply = Signal.like(self._added)
         self._extend, self._short_reply, self._inverted = Signal(), Signal(), Signal()
         self._late = Signal()
         with m.If(self._late):
             m.d.sync += [
                 self._late.eq(0),
-                reply.eq(Cat(registers.value, self._flag[32:])),
+                reply.eq(Cat(registers.value, self._added[32:])),
                 self._inverted.eq(registers.inverted),
             ]
-        shown, invert, byte = Signal(8), Signal(), spi.byte
-        m.d.comb += [
-            shown.eq(reply.word_select(byte, 8)),
-            invert.eq(self._inverted),
-        ]
+        bit, byte = spi.bit, spi.byte
+        shown, upper, none = Signal(), Signal(), Signal()  # the bit to show
+        m.d.comb += shown.eq(reply.bit_select(Cat(bit, byte)[: len(reply).bit_length() - 1], 1))
         if self._word_bits > len(reply):
-            with m.If(byte[2]):
-                m.d.comb += shown.eq((reply[31] & self._extend).replicate(8))
-                m.d.comb += invert.eq(self._inverted & self._extend)
-        with m.If(self._short_reply & (byte[0] | byte[1])):
-            m.d.comb += shown.eq(Mux(byte == 1, reply[8:10], 0))
-        with m.If(self._late):  # the bit to show is the highest one, or with a fast SCK the next
-            m.d.comb += [shown[6:].eq(registers.value[6:8]), invert.eq(registers.inverted)]
-        m.d.comb += spi.reply.eq(shown ^ invert.replicate(8))
+            m.d.comb += upper.eq(byte[2])
+        m.d.comb += none.eq(
+            (self._short_reply & (byte[1] | (byte[0] & bit[1:].any()))) | (upper & ~self._extend)
+        )
+        with m.If(upper):
+            m.d.comb += shown.eq(reply[31])
+        with m.If(self._late):  # it is the highest one, or with a fast SCK the next
+            m.d.comb += spi.reply.eq(
+                (
+                    Mux(bit[0], registers.value[7], registers.value[6]) ^ registers.inverted
+                ).replicate(8)
+            )
+        with m.Else():
+            m.d.comb += spi.reply.eq((~none & (shown ^ self._inverted)).replicate(8))
 
         soon = Signal()
         m.d.sync += soon.eq(spi.soon)
@@ -307,13 +309,13 @@ class CompactCore(DocumentCore):
         with m.Switch(address):
             for flags, value in self._flags().items():
                 with m.Case(flags):
-                    m.d.sync += [self._flag.eq(value), self._extend.eq(0)]
+                    m.d.sync += [self._added[: len(value)].eq(value), self._extend.eq(0)]
 
     def _reply_configuration(self, m: Module, address: Value) -> None:
         with m.Switch(address):
             for place, current in zip(reg.W_CURRENT, self._current, strict=False):
                 with m.Case(place):
-                    m.d.sync += self._flag.eq(current)
+                    m.d.sync += self._added[: len(current)].eq(current)
 
     def _places(self, m: Module, header: Value, address: Value) -> None:
         """Find out where in memory a reply is, a cycle before the word before it is complete."""

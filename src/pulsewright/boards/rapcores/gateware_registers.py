@@ -5,7 +5,8 @@ all of them. A read takes its register out of turn, so that it gives what the re
 cycle of the read.
 
 An encoder has three numbers: its position, its velocity, and the time since its last count, as it
-was at its last turn. In memory a velocity of a falling position is the complement of what it is.
+was at its last turn, less 1. In memory a velocity of a falling position is the complement of what
+it is.
 """
 
 from __future__ import annotations
@@ -83,7 +84,9 @@ def memory_address(block: Block, index: int) -> int:
     return block << INDEX_BITS | index
 
 
-ZERO: Final = memory_address(Block.FIXED, 2)  # a word that is 0
+# Words that are 0, and -1.
+ZERO: Final = memory_address(Block.FIXED, 2)
+MINUS_ONE: Final = memory_address(Block.FIXED, 3)
 
 
 class CountingRegisters(Component):
@@ -245,7 +248,15 @@ class CountingRegisters(Component):
             m.d.comb += [kind.eq(scan_kind), index.eq(scan_index)]
 
         live = self.read | ~self.copying
-        changes = self._changes(m, turn, live, kind, index)
+        # What had its turn in the cycle of a capture has not changed since.
+        turned, last_kind, last_index = Signal(), Signal(), Signal(range(max(self._encoders, 1)))
+        unchanged = turned & (copy_time == last_kind) & (copy_index == last_index)
+        with m.If(self.capture):
+            m.d.sync += [
+                turned.eq(turn & ~kind[1] & ~kind[2]),
+                *(last_kind.eq(kind[0]), last_index.eq(index)),
+            ]
+        changes = self._changes(m, turn, live, ~live & ~unchanged, kind, index)
         counted, often = changes[1:3]
         # Kept for the jobs of the turn.
         kept = [Signal.like(value, name=f"kept{n}") for n, value in enumerate(changes)]
@@ -262,7 +273,10 @@ class CountingRegisters(Component):
         m.submodules.memory = memory = Memory(
             shape=WORD_BITS + 1,
             depth=1 << ADDRESS_BITS,
-            init=[self._contents.get(n, 0) for n in range(1 << ADDRESS_BITS)],
+            init=[
+                {MINUS_ONE: (1 << WORD_BITS) - 1, **self._contents}.get(n, 0)
+                for n in range(1 << ADDRESS_BITS)
+            ],
             attrs=BLOCK_RAM,
         )
         written, read = memory.write_port(), memory.read_port()
@@ -281,7 +295,7 @@ class CountingRegisters(Component):
                         read.addr.eq(_place(Block.POSITION, index)),
                     ]
                 with m.Case(Kind.TIME):
-                    since = Mux(often, ZERO, _place(Block.SINCE, index))
+                    since = Mux(often, MINUS_ONE, _place(Block.SINCE, index))
                     m.d.comb += [
                         next_job.eq(Job.VELOCITY),
                         read.addr.eq(Mux(counted, since, _place(Block.VELOCITY, index))),
@@ -304,14 +318,17 @@ class CountingRegisters(Component):
             m.d.sync += more.eq(0)
             m.d.comb += [
                 next_job.eq(Job.SINCE),
-                read.addr.eq(Mux(kept_counted, ZERO, _place(Block.SINCE, kept_index))),
+                read.addr.eq(Mux(kept_counted, MINUS_ONE, _place(Block.SINCE, kept_index))),
             ]
         m.d.sync += job.eq(next_job)
 
-        operand = Signal(self._delta_bits)
+        operand, one = Signal(self._delta_bits), Signal()
         total = Signal(WORD_BITS)
         m.d.comb += [
-            total.eq((read.data[:WORD_BITS] + operand.as_signed())[:WORD_BITS] | self.added),
+            total.eq(
+                (Cat(1, read.data[:WORD_BITS]) + Cat(one, operand).as_signed())[1 : WORD_BITS + 1]
+                | self.added
+            ),
             self.value.eq(total),
             self.inverted.eq(read.data[WORD_BITS]),
             written.addr.eq(_place(Block.COUNTS, kept_index)),
@@ -330,7 +347,8 @@ class CountingRegisters(Component):
                 m.d.comb += written.addr.eq(_place(Block.VELOCITY, kept_index))
                 with m.If(kept_counted):
                     m.d.comb += [
-                        operand.eq(Cat(kept_gap, Const(0, 1)).as_signed() - kept_falling),
+                        operand.eq(kept_gap),
+                        one.eq(~kept_falling),
                         self.inverted.eq(kept_falling),
                     ]
             with m.Case(Job.SINCE):
@@ -347,6 +365,8 @@ class CountingRegisters(Component):
             m.d.comb += written.addr.eq(self.write_address)
         with m.If(self.clear):
             m.d.comb += written.addr.eq(self.clear_address)
+            with m.If(self.clear_address[INDEX_BITS:] == Block.SINCE):
+                m.d.comb += operand.eq(-1)
             with m.Switch(self.clear_address):
                 for address, value in self._defaults.items():
                     with m.Case(address):
@@ -390,14 +410,15 @@ class CountingRegisters(Component):
         return time, index
 
     def _changes(
-        self, m: Module, turn: Value, live: Value, kind: Value, index: Value
+        self, m: Module, turn: Value, live: Value, captured: Value, kind: Value, index: Value
     ) -> tuple[Signal, ...]:
         """Add what has changed since the last turns.
 
         Returns
         -------
         delta, counted, often, gap, time, falling
-            Of the one with an index: now if ``live``, else of an encoder at the last capture.
+            Of the one with an index: now if ``live``, or, if ``captured``, of an encoder at the
+            last capture.
         """
         bits = self._time_bits
         found = [Signal(n) for n in (bits + 1, 1, 1, bits, bits, 1)]  # of encoders
@@ -406,18 +427,17 @@ class CountingRegisters(Component):
             here = ~kind[1] & (index == n)
             turns = [turn & here & (kind[0] == time) for time in range(2)]
             now = self._encoder_changes(m, n, *turns)
-            my_delta, my_counted, my_often, my_gap, _, my_falling = now
             if n >= self._copied:
                 parts.append((here, now))
                 continue
             then = [Signal.like(value, name=f"then{k}") for k, value in enumerate(now)]
-            kept = (
-                *(Mux(turns[0], 0, my_delta), ~turns[1] & my_counted, ~turns[1] & my_often),
-                *(my_gap, 0, my_falling),
-            )
-            with m.If(self.capture):
-                m.d.sync += [old.eq(new) for old, new in zip(then, kept, strict=True)]
-            parts += [(here & live, now), (here & ~live, then)]
+            with m.If(self.capture):  # but for the time, which is not copied
+                m.d.sync += [
+                    old.eq(new)
+                    for k, (old, new) in enumerate(zip(then, now, strict=True))
+                    if k != 4
+                ]
+            parts += [(here & live, now), (here & captured, then)]
         for k, value in enumerate(found):
             m.d.comb += value.eq(_either((here, mine[k]) for here, mine in parts))
         delta, often = Signal(self._delta_bits), Signal()

@@ -173,6 +173,8 @@ class CompactCore(DocumentCore):
         m.d.sync += [
             write.eq(self._write & known),
             duration.eq(self._spi.strobe & self._moving & (self._number == 1)),
+        ]
+        m.d.comb += [
             registers.write.eq(self._store),
             registers.write_address.eq(
                 Mux(

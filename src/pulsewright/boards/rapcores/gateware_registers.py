@@ -135,10 +135,10 @@ class CountingRegisters(Component):
     value : Out(32), inverted : Out(1)
         In the cycle after ``read``: its register. If ``inverted``, the complement is meant.
     added : In(32)
-        Bits of ``value`` besides those of the register, which are 0 there; only in such a cycle,
-        and with ``write``.
+        Bits of ``value`` besides those of the register, which are 0 there; only then, and after
+        ``write``.
     write : In(1), write_address : In(9)
-        Write ``added`` to a register, in a cycle after one with ``block`` and without ``read``.
+        Write what ``added`` is in the next cycle to a register; with ``block``, without ``read``.
     capture : In(1), copy : In(1), copy_bank : In(1)
         Remember what encoders are in this cycle. Copy, from the next cycle on, position and
         velocity as they were then, into one of two blocks.
@@ -261,13 +261,11 @@ class CountingRegisters(Component):
         # Kept for the jobs of the turn.
         kept = [Signal.like(value, name=f"kept{n}") for n, value in enumerate(changes)]
         kept_delta, kept_counted, _, kept_gap, kept_time, kept_falling = kept
-        kept_index, kept_own, kept_copy = Signal.like(index), Signal(), Signal()
+        kept_own = Signal()
         with m.If(start):
             m.d.sync += [
                 *(old.eq(new) for old, new in zip(kept, changes, strict=True)),
-                kept_index.eq(index),
                 kept_own.eq(~self.read),
-                kept_copy.eq(~live),
             ]
 
         m.submodules.memory = memory = Memory(
@@ -281,47 +279,54 @@ class CountingRegisters(Component):
         )
         written, read = memory.write_port(), memory.read_port()
 
-        # The job of a turn, or the next one.
+        # The job of a turn, or the next one: its register, and what is read for it. The register is
+        # written in the next cycle; also in the one after a reset.
         next_job = Signal(Job)
-        m.d.comb += read.addr.eq(ZERO)
+        place, target = Signal(ADDRESS_BITS), Signal(ADDRESS_BITS, reset_less=True)
+        clearing = Signal(reset_less=True)
+        m.d.sync += [target.eq(place), clearing.eq(self.clear)]
+        block = Cat(kind[:2].any(), kind[1] | ~kind[0])
+        m.d.comb += [place.eq(Cat(index, block, 0)), read.addr.eq(place)]
+        with m.If(self.copying):
+            m.d.sync += target.eq(copied_address(copy_time, copy_index, self.copy_bank))
         with m.If(self.clear):
-            pass  # so that in the next cycle nothing is added to 0
-        with m.Elif(start):
-            m.d.sync += more.eq(turn & (kind == Kind.TIME))
-            with m.Switch(kind):
-                with m.Case(Kind.POSITION):
-                    m.d.comb += [
-                        next_job.eq(Job.POSITION),
-                        read.addr.eq(_place(Block.POSITION, index)),
-                    ]
-                with m.Case(Kind.TIME):
-                    since = Mux(often, MINUS_ONE, _place(Block.SINCE, index))
-                    m.d.comb += [
-                        next_job.eq(Job.VELOCITY),
-                        read.addr.eq(Mux(counted, since, _place(Block.VELOCITY, index))),
-                    ]
-                with m.Case(Kind.MOTOR):
-                    m.d.comb += [
-                        next_job.eq(Job.COUNT),
-                        read.addr.eq(_place(Block.COUNTS, index)),
-                    ]
-                with m.Case(Kind.EVENT):
-                    duration = self.run & (index == self._events[0].place - 1)
-                    begin = Mux(duration, _place(Block.DURATION, self.slot), ZERO)
-                    m.d.comb += [
-                        next_job.eq(Job.COUNT),
-                        read.addr.eq(Mux(often, begin, _place(Block.COUNTS, index))),
-                    ]
-                with m.Default():
-                    m.d.comb += read.addr.eq(self.read_address)
+            m.d.comb += [place.eq(self.clear_address), read.addr.eq(ZERO)]
+            m.d.sync += target.eq(place)
+        with m.Elif(self.write):
+            m.d.comb += [place.eq(self.write_address), read.addr.eq(ZERO)]
+            m.d.sync += target.eq(place)
         with m.Elif(more):
-            m.d.sync += more.eq(0)
+            m.d.sync += [more.eq(0), target.eq(place)]
             m.d.comb += [
                 next_job.eq(Job.SINCE),
-                read.addr.eq(Mux(kept_counted, MINUS_ONE, _place(Block.SINCE, kept_index))),
+                place.eq(_place(Block.SINCE, target[:INDEX_BITS])),
+                read.addr.eq(Mux(kept_counted, MINUS_ONE, place)),
             ]
+        with m.Elif(start):
+            m.d.sync += more.eq(turn & (kind == Kind.TIME))
+            with m.If(self.read):
+                m.d.comb += place.eq(self.read_address)
+            with m.Switch(kind):
+                with m.Case(Kind.POSITION):
+                    m.d.comb += next_job.eq(Job.POSITION)
+                with m.Case(Kind.TIME):
+                    m.d.comb += next_job.eq(Job.VELOCITY)
+                    with m.If(counted):
+                        since = Cat(place[:INDEX_BITS], Const(Block.SINCE, 3))
+                        m.d.comb += read.addr.eq(Mux(often, MINUS_ONE, since))
+                with m.Case(Kind.MOTOR):
+                    m.d.comb += next_job.eq(Job.COUNT)
+                with m.Case(Kind.EVENT):
+                    duration = self.run & (index == self._events[0].place - 1)
+                    m.d.comb += next_job.eq(Job.COUNT)
+                    with m.If(often):
+                        m.d.comb += read.addr.eq(
+                            Mux(duration, _place(Block.DURATION, self.slot), ZERO)
+                        )
         m.d.sync += job.eq(next_job)
 
+        stored = Signal()
+        m.d.sync += stored.eq(self.write)
         operand, one = Signal(self._delta_bits), Signal()
         total = Signal(WORD_BITS)
         m.d.comb += [
@@ -331,47 +336,29 @@ class CountingRegisters(Component):
             ),
             self.value.eq(total),
             self.inverted.eq(read.data[WORD_BITS]),
-            written.addr.eq(_place(Block.COUNTS, kept_index)),
+            written.addr.eq(target),
             written.data.eq(total),
-            written.en.eq(((job != Job.NONE) & kept_own) | self.write | self.clear),
+            written.en.eq(((job != Job.NONE) & kept_own) | stored | clearing),
         ]
         with m.Switch(job):
-            with m.Case(Job.COUNT):
+            with m.Case(Job.COUNT, Job.POSITION):
                 m.d.comb += operand.eq(kept_delta)
-            with m.Case(Job.POSITION):
+            with m.Case(Job.VELOCITY), m.If(kept_counted):
                 m.d.comb += [
-                    operand.eq(kept_delta),
-                    written.addr.eq(_place(Block.POSITION, kept_index)),
+                    operand.eq(kept_gap),
+                    one.eq(~kept_falling),
+                    self.inverted.eq(kept_falling),
                 ]
-            with m.Case(Job.VELOCITY):
-                m.d.comb += written.addr.eq(_place(Block.VELOCITY, kept_index))
-                with m.If(kept_counted):
-                    m.d.comb += [
-                        operand.eq(kept_gap),
-                        one.eq(~kept_falling),
-                        self.inverted.eq(kept_falling),
-                    ]
             with m.Case(Job.SINCE):
-                m.d.comb += [
-                    operand.eq(kept_time),
-                    written.addr.eq(_place(Block.SINCE, kept_index)),
-                ]
+                m.d.comb += operand.eq(kept_time)
         m.d.comb += written.data[WORD_BITS].eq((job == Job.VELOCITY) & self.inverted)
-        with m.If(kept_copy):
-            m.d.comb += written.addr.eq(
-                copied_address(job == Job.VELOCITY, kept_index, self.copy_bank)
-            )
-        with m.If(self.write):
-            m.d.comb += written.addr.eq(self.write_address)
-        with m.If(self.clear):
-            m.d.comb += written.addr.eq(self.clear_address)
-            with m.If(self.clear_address[INDEX_BITS:] == Block.SINCE):
+        with m.If(clearing):
+            with m.If(target[INDEX_BITS:] == Block.SINCE):
                 m.d.comb += operand.eq(-1)
-            with m.Switch(self.clear_address):
+            with m.Switch(target):
                 for address, value in self._defaults.items():
                     with m.Case(address):
                         m.d.comb += operand.eq(value)
-
         return m
 
     def _scan(self, m: Module, turn: Value) -> tuple[Signal, Signal]:

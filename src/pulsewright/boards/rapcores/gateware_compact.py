@@ -327,8 +327,10 @@ class CompactCore(DocumentCore):
             self._registers.read_address.eq(Mux(fetch, place, ZERO)),
             self._fetch.eq(fetch),
         ]
-        with m.If(address[4:].all()):
-            pass
+        with m.If(address[4:].all() | ~address[2:].any()):
+            m.d.comb += place.eq(
+                Cat(address[:4], address[7], Const(0, INDEX_BITS - 5), Const(Block.FIXED, 3))
+            )
         with m.Elif(address[6:].all()):
             m.d.comb += place.eq(Cat(address[:6], Const(Block.COUNTS, 3)))
         with m.Elif(block == 0):
@@ -337,10 +339,6 @@ class CompactCore(DocumentCore):
             m.d.comb += place.eq(Cat(index, Const(Block.VELOCITY, 3)))
         with m.Elif((block == 2) & ~index[5]):
             m.d.comb += place.eq(Cat(index, Const(Block.COUNTS, 3)))
-        with m.Switch(address):
-            for constant in self._constants():
-                with m.Case(constant):
-                    m.d.comb += place.eq(memory_address(Block.FIXED, _fixed(constant)))
         with m.If(header[1]):
             m.d.comb += place.eq(_configuration_place(address))
         stored = Cat(address == n for n, _ in STORED).any()
@@ -385,5 +383,5 @@ def _configuration_place(address: Value) -> Value:
 
 
 def _fixed(place: int) -> int:
-    """Return the index of a constant status register in block FIXED; 2 is for 0."""
-    return {reg.R_VERSION: 0, reg.R_CHANNEL_INFO: 1, reg.R_BUILD_PARAMETERS: 4}.get(place, 5)
+    """Return the index in block FIXED of a constant status register, of the first 4 or last 16."""
+    return place & 15 | place >> 7 << 4

@@ -478,8 +478,10 @@ class CountingRegisters(Component):
     ) -> tuple[Signal, ...]:
         """Add what has changed of an encoder."""
         bits = self._time_bits
-        delta, gap, time = Signal(bits + 1), Signal(bits), Signal(bits)
-        counted, often, falling = Signal(), Signal(), Signal()
+        delta, time = Signal(bits + 1), Signal(bits)
+        counted, often = Signal(), Signal()
+        # used after a count only
+        gap, falling = Signal(bits, reset_less=True), Signal(reset_less=True)
         count, up = self.count[n], self.up[n]
         before = counted & ~turn_time
         change = Cat(count, (count & ~up).replicate(bits))

@@ -101,7 +101,9 @@ SHARED_FAULTS = {
     "the sum of the slice below": (SHARED, "carry & ~bottom[1]", "carry"),
     "the first tick of a move as any other": (SHARED, "Mux(self.first, first, total)", "total"),
     "words that arrive late are not seen": (COMPACT, "| (~sequencer.run & arrived)", ""),
-    "a copy of what encoders are later": (REGISTERS, "(here & captured, then)", "(here & captured, now)"),
+    "a copy of what encoders are later": (
+        REGISTERS, "(here & captured, then)", "(here & captured, now)",
+    ),
     "ticks left are those of the move before": (
         COMPACT, "restart.eq(sequencer.load | sequencer.finish", "restart.eq(sequencer.finish",
     ),
@@ -151,7 +153,7 @@ DIRECTED_FAULTS = {
         shared.test_telemetry_is_that_of_the_cycle_in_which_a_move_starts,
     ),
     "registers stay in a reset": (
-        *(REGISTERS, "place.eq(self.clear_address), read.addr.eq(ZERO)", "place.eq(self.clear_address)"),
+        *(REGISTERS, "eq(self.clear_address), read.addr.eq(ZERO)", "eq(self.clear_address)"),
         shared.test_the_shortest_reset_clears_the_time_since_the_last_count,
     ),
     "owed steps stay in phases": (

@@ -267,6 +267,7 @@ class CompactCore(DocumentCore):
         m.d.sync += soon.eq(spi.soon)
         m.d.comb += [
             registers.block.eq(spi.soon | soon | spi.strobe | self._store),
+            registers.choose.eq(soon),
             registers.read.eq(spi.strobe),
         ]
         self._bank, self._snap = Signal(), Signal()  # of the open message; its header

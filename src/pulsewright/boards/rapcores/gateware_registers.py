@@ -130,8 +130,8 @@ class CountingRegisters(Component):
         or 0 unless ``run``.
     block : In(1)
         A read comes within two cycles, or now.
-    read : In(1), read_address : In(9)
-        Read a register; with ``block``.
+    choose : In(1), read : In(1), read_address : In(9)
+        Read a register, with ``block``; ``choose`` and the address are there a cycle before, too.
     value : Out(32), inverted : Out(1)
         In the cycle after ``read``: its register. If ``inverted``, the complement is meant.
     added : In(32)
@@ -179,6 +179,7 @@ class CountingRegisters(Component):
                 "run": In(1),
                 "slot": In(range(depth)),
                 "block": In(1),
+                "choose": In(1),
                 "read": In(1),
                 "read_address": In(ADDRESS_BITS),
                 "value": Out(WORD_BITS),
@@ -196,7 +197,7 @@ class CountingRegisters(Component):
     def _round(self) -> int:
         """Return the cycles from one turn of a register to the next, at most."""
         turns = 3 * self._encoders + self._motors + 1 + len(self._events)
-        copy = 2 * self._copied + 2
+        copy = 2 * self._copied + 3
         cycles, before = turns, 0
         while cycles != before:
             before = cycles
@@ -215,48 +216,50 @@ class CountingRegisters(Component):
         self._delta_bits = max(self._time_bits + 1, OWED_BITS + 1, step_bits)
         job, more = Signal(Job), Signal()
         free, copies, turn = Signal(), Signal(), Signal()
-        start = Signal()
+        start, chosen = Signal(), Signal()  # chosen: a copy
         m.d.comb += [
             free.eq(~more & ~self.block & ~self.clear),
-            turn.eq(free & ~self.copying),
-            start.eq(self.read | turn | (free & copies)),
+            turn.eq(free & ~self.copying & ~chosen),
+            start.eq(self.read | turn | (free & chosen & copies)),
         ]
 
-        # Whose turn it is: that of the read, of a copy, or the next one of the scan.
-        kind, index = Signal(3), Signal(INDEX_BITS)
-        scan_kind, scan_index = self._scan(m, turn)
-        copy_time, copy_index = self._copy_scan(m, free, copies)
-        with m.If(self.read):
-            m.d.comb += index.eq(self.read_address)
+        # Whose turn it is: that of the read, of a copy, or the next one of the scan. Decided a
+        # cycle before, as it takes long to find what has changed.
+        first = Kind.POSITION if self._encoders else Kind.MOTOR
+        kind, index = Signal(3, init=first), Signal(INDEX_BITS)
+        scan_kind, scan_index = self._scan(m, turn, first)
+        copy_time, copy_index = self._copy_scan(m, free & chosen, copies)
+        m.d.sync += chosen.eq(self.copying & ~self.choose)
+        with m.If(self.choose):
+            m.d.sync += index.eq(self.read_address)
             with m.Switch(self.read_address[INDEX_BITS:]):
                 with m.Case(Block.POSITION):
-                    m.d.comb += kind.eq(Kind.POSITION)
+                    m.d.sync += kind.eq(Kind.POSITION)
                 with m.Case(Block.VELOCITY):
-                    m.d.comb += kind.eq(Kind.TIME)
+                    m.d.sync += kind.eq(Kind.TIME)
                 with m.Case(Block.COUNTS):
-                    m.d.comb += kind.eq(
+                    m.d.sync += kind.eq(
                         Mux(self.read_address[INDEX_BITS - 1], Kind.EVENT, Kind.MOTOR)
                     )
                 with m.Default():
-                    m.d.comb += kind.eq(Kind.FIXED)
+                    m.d.sync += kind.eq(Kind.FIXED)
         with m.Elif(self.copying):
-            m.d.comb += [
+            m.d.sync += [
                 kind.eq(Mux(copy_time, Kind.TIME, Kind.POSITION)),
                 index.eq(copy_index),
             ]
         with m.Else():
-            m.d.comb += [kind.eq(scan_kind), index.eq(scan_index)]
+            m.d.sync += [kind.eq(scan_kind), index.eq(scan_index)]
 
-        live = self.read | ~self.copying
         # What had its turn in the cycle of a capture has not changed since.
         turned, last_kind, last_index = Signal(), Signal(), Signal(range(max(self._encoders, 1)))
-        unchanged = turned & (copy_time == last_kind) & (copy_index == last_index)
+        unchanged = turned & (kind[0] == last_kind) & (index == last_index)
         with m.If(self.capture):
             m.d.sync += [
                 turned.eq(turn & ~kind[1] & ~kind[2]),
                 *(last_kind.eq(kind[0]), last_index.eq(index)),
             ]
-        changes = self._changes(m, turn, live, ~live & ~unchanged, kind, index)
+        changes = self._changes(m, turn, ~chosen, chosen & ~unchanged, kind, index)
         counted, often = changes[1:3]
         # Kept for the jobs of the turn.
         kept = [Signal.like(value, name=f"kept{n}") for n, value in enumerate(changes)]
@@ -287,8 +290,8 @@ class CountingRegisters(Component):
         m.d.sync += [target.eq(place), clearing.eq(self.clear)]
         block = Cat(kind[:2].any(), kind[1] | ~kind[0])
         m.d.comb += [place.eq(Cat(index, block, 0)), read.addr.eq(place)]
-        with m.If(self.copying):
-            m.d.sync += target.eq(copied_address(copy_time, copy_index, self.copy_bank))
+        with m.If(chosen):
+            m.d.sync += target.eq(copied_address(kind[0], index, self.copy_bank))
         with m.If(self.clear):
             m.d.comb += [place.eq(self.clear_address), read.addr.eq(ZERO)]
             m.d.sync += target.eq(place)
@@ -361,10 +364,12 @@ class CountingRegisters(Component):
                         m.d.comb += operand.eq(value)
         return m
 
-    def _scan(self, m: Module, turn: Value) -> tuple[Signal, Signal]:
-        """Add the scan; return whose turn is next."""
-        first = Kind.POSITION if self._encoders else Kind.MOTOR
+    def _scan(self, m: Module, turn: Value, first: Kind) -> tuple[Signal, Signal]:
+        """Add the scan; return whose turn is next, in the next cycle."""
         kind, index = Signal(3, init=first), Signal(INDEX_BITS)
+        next_kind, next_index = Signal.like(kind), Signal.like(index)
+        m.d.comb += [next_kind.eq(kind), next_index.eq(index)]
+        m.d.sync += [kind.eq(next_kind), index.eq(next_index)]
         ends = {
             Kind.POSITION: (self._encoders - 1, Kind.TIME, 0),
             Kind.TIME: (self._encoders - 1, Kind.MOTOR, 0),
@@ -372,29 +377,33 @@ class CountingRegisters(Component):
             Kind.EVENT: (self._events[-1].place, first, 0),
         }
         with m.If(turn):
-            m.d.sync += index.eq(index + 1)
+            m.d.comb += next_index.eq(index + 1)
             with m.Switch(kind):
                 for now, (last, then, at) in ends.items():
                     with m.Case(now), m.If(index == last):
-                        m.d.sync += [kind.eq(then), index.eq(at)]
-        return kind, index
+                        m.d.comb += [next_kind.eq(then), next_index.eq(at)]
+        return next_kind, next_index
 
     def _copy_scan(self, m: Module, free: Value, copies: Signal) -> tuple[Signal, Signal]:
-        """Add the scan of a copy; ``copies``: it is there for the next turn, which is returned."""
+        """Add the scan of a copy; return what is next. ``copies``: the turn of a copy may be."""
         time, index = Signal(), Signal(max(self._copied - 1, 0).bit_length())
+        next_time, next_index = Signal.like(time), Signal.like(index)
         if not self._copied:
             return time, index
         # In the first cycle the result of a turn before may not be in memory.
         wait = Signal()
         m.d.sync += wait.eq(self.copy)
-        m.d.comb += copies.eq(self.copying & ~wait)
+        m.d.comb += [copies.eq(self.copying & ~wait), next_time.eq(time), next_index.eq(index)]
+        m.d.sync += [time.eq(next_time), index.eq(next_index)]
         with m.If(free & copies):
-            m.d.sync += index.eq(index + 1)
+            m.d.comb += next_index.eq(index + 1)
             with m.If(index == self._copied - 1):
-                m.d.sync += [index.eq(0), time.eq(1), self.copying.eq(~time)]
+                m.d.comb += [next_index.eq(0), next_time.eq(1)]
+                m.d.sync += self.copying.eq(~time)
         with m.If(self.copy):
-            m.d.sync += [index.eq(0), time.eq(0), self.copying.eq(1)]
-        return time, index
+            m.d.comb += [next_index.eq(0), next_time.eq(0)]
+            m.d.sync += self.copying.eq(1)
+        return next_time, next_index
 
     def _changes(
         self, m: Module, turn: Value, live: Value, captured: Value, kind: Value, index: Value

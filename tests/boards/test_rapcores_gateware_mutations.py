@@ -149,7 +149,7 @@ DIRECTED_FAULTS = {
         partial(vectors.test_an_event_in_the_cycle_of_the_clear_is_counted, 1),
     ),
     "a copy of what has had its turn": (
-        *(REGISTERS, "~live & ~unchanged", "~live"),
+        *(REGISTERS, "chosen & ~unchanged", "chosen"),
         shared.test_telemetry_is_that_of_the_cycle_in_which_a_move_starts,
     ),
     "registers stay in a reset": (

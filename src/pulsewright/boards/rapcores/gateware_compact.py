@@ -191,9 +191,12 @@ class CompactCore(DocumentCore):
         m.d.comb += registers.added.eq(added[:32])
 
         def register(target: Value, place: int, value: Value, init: int = 0) -> None:
-            stored = Signal(len(target), init=init, name=f"config{place:02x}")
+            # Set by the reset, but 0 at configuration: flip-flops of the iCE40 cannot be 1 then.
+            stored = Signal(len(target), reset_less=True, name=f"config{place:02x}")
             with m.If(self._write & (self._address == place)):
                 m.d.sync += stored.eq(value)
+            with m.If(self.clear):
+                m.d.sync += stored.eq(init)
             m.d.comb += target.eq(stored)
 
         register(self.en, reg.W_ENABLE, word)

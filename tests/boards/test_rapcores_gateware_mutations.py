@@ -156,6 +156,10 @@ DIRECTED_FAULTS = {
         *(REGISTERS, "eq(self.clear_address), read.addr.eq(ZERO)", "eq(self.clear_address)"),
         shared.test_the_shortest_reset_clears_the_time_since_the_last_count,
     ),
+    "a reply stays in a reset": (
+        *(COMPACT, "reply = Signal(len(self._added))", "reply = Signal.like(self._added)"),
+        partial(shared.test_nothing_of_a_reply_is_shown_after_a_reset_within_its_frame, 1, 0x01),
+    ),
     "owed steps stay in phases": (
         *(COMPACT, "counted - Mux(take, owed, 0)", "counted"),
         partial(windings.test_a_halt_takes_owed_steps_back_from_windings_too, 1),

@@ -131,6 +131,22 @@ def test_a_reset_clears_what_is_in_memory():
     assert host.send(STATUS | 0xFE, 0) == [0, 0x2040]
 
 
+@pytest.mark.parametrize("shared", [0, 1])
+@pytest.mark.parametrize("address", [0x01, 0x04])
+def test_nothing_of_a_reply_is_shown_after_a_reset_within_its_frame(shared, address):
+    host = Host(shared_dda=shared, motors=1, encoders=1)
+    host.pin(host.free, "enc0_b", 1)  # one down, so that the reply is -1
+    start = host.free + 10
+    low = host.f(1, start) + 150
+    host.pin(low, "rst_n", 0)
+    host.pin(low + 1, "rst_n", 1)
+    host.send(STATUS | address, 0, start=start)
+    assert host.fell > low + 500  # well after the board is ready again
+    first, *_, last = [cycle for cycle, _ in host.edges("cipo")]
+    assert first < low
+    assert last <= low + 5
+
+
 def test_the_shortest_reset_clears_the_time_since_the_last_count():
     for phase in range(30):
         host = Host(shared_dda=1, motors=1, encoders=1)

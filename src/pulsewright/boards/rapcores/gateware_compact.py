@@ -238,7 +238,7 @@ class CompactCore(DocumentCore):
         """Add the reply: 32 bits, and what they become in a longer word."""
         spi, registers, sequencer = self._spi, self._registers, self._sequencer
         # It comes from the memory of registers, if only a 0, a cycle late.
-        self._reply = reply = Signal.like(self._added)
+        self._reply = reply = Signal(len(self._added))
         self._extend, self._short_reply, self._inverted = Signal(), Signal(), Signal()
         self._late = Signal()
         with m.If(self._late):

@@ -101,7 +101,9 @@ SHARED_FAULTS = {
     "the sum of the slice below": (SHARED, "carry & ~bottom[1]", "carry"),
     "the first tick of a move as any other": (SHARED, "Mux(self.first, first, total)", "total"),
     "words that arrive late are not seen": (COMPACT, "| (~sequencer.run & arrived)", ""),
-    "a copy of what encoders are later": (REGISTERS, "(here & ~live, then)", "(here & ~live, now)"),
+    "a copy of what encoders are later": (
+        REGISTERS, "(here & captured, then)", "(here & captured, now)",
+    ),
     "ticks left are those of the move before": (
         COMPACT, "restart.eq(sequencer.load | sequencer.finish", "restart.eq(sequencer.finish",
     ),
@@ -147,12 +149,16 @@ DIRECTED_FAULTS = {
         partial(vectors.test_an_event_in_the_cycle_of_the_clear_is_counted, 1),
     ),
     "a copy of what has had its turn": (
-        *(REGISTERS, "Mux(turns[0], 0, my_delta)", "my_delta"),
+        *(REGISTERS, "chosen & ~unchanged", "chosen"),
         shared.test_telemetry_is_that_of_the_cycle_in_which_a_move_starts,
     ),
-    "what a reset interrupts stays": (
-        *(REGISTERS, "with m.If(self.clear):\n            pass", "with m.If(0):\n            pass"),
+    "registers stay in a reset": (
+        *(REGISTERS, "eq(self.clear_address), read.addr.eq(ZERO)", "eq(self.clear_address)"),
         shared.test_the_shortest_reset_clears_the_time_since_the_last_count,
+    ),
+    "a reply stays in a reset": (
+        *(COMPACT, "reply = Signal(len(self._added))", "reply = Signal.like(self._added)"),
+        partial(shared.test_nothing_of_a_reply_is_shown_after_a_reset_within_its_frame, 1, 0x01),
     ),
     "owed steps stay in phases": (
         *(COMPACT, "counted - Mux(take, owed, 0)", "counted"),

@@ -5,11 +5,17 @@ The core with arithmetic of each motor does the worked vectors; see test_rapcore
 """
 
 from itertools import pairwise
+from random import Random
 
 import pytest
+from amaranth import Module, Signal
+from amaranth.hdl import MemoryInstance
+from amaranth.lib.memory import Memory
+from rapcores_equality import Pair, busy
 from rapcores_host import MOVE, STATUS, Host
 from rapcores_traffic import play
 
+from pulsewright.boards.rapcores import gateware_registers, gateware_shared
 from pulsewright.boards.rapcores.gateware import Rapcores
 
 pytestmark = pytest.mark.rtl
@@ -125,6 +131,22 @@ def test_a_reset_clears_what_is_in_memory():
     assert host.send(STATUS | 0xFE, 0) == [0, 0x2040]
 
 
+@pytest.mark.parametrize("shared", [0, 1])
+@pytest.mark.parametrize("address", [0x01, 0x04])
+def test_nothing_of_a_reply_is_shown_after_a_reset_within_its_frame(shared, address):
+    host = Host(shared_dda=shared, motors=1, encoders=1)
+    host.pin(host.free, "enc0_b", 1)  # one down, so that the reply is -1
+    start = host.free + 10
+    low = host.f(1, start) + 150
+    host.pin(low, "rst_n", 0)
+    host.pin(low + 1, "rst_n", 1)
+    host.send(STATUS | address, 0, start=start)
+    assert host.fell > low + 500  # well after the board is ready again
+    first, *_, last = [cycle for cycle, _ in host.edges("cipo")]
+    assert first < low
+    assert last <= low + 5
+
+
 def test_the_shortest_reset_clears_the_time_since_the_last_count():
     for phase in range(30):
         host = Host(shared_dda=1, motors=1, encoders=1)
@@ -172,3 +194,37 @@ def test_telemetry_asked_for_as_a_move_without_ticks_ends(shared):
         found.append(reply[2])
     # in the cycle of the last tick still that of the first move; the limit of shared arithmetic
     assert found == [0, 98 if shared else 97, 98]
+
+
+class SpoilingMemory(Memory):
+    """Block RAM in which a word that is read as it is written comes out wrong."""
+
+    def elaborate(self, platform):
+        m = Module()
+        assert self.attrs["no_rw_check"]
+        m.submodules.memory = memory = MemoryInstance(data=self.data, attrs=self.attrs)
+        (written,), (read,) = self.write_ports, self.read_ports
+        data, spoilt = Signal.like(read.data), Signal(reset_less=True)
+        memory.write_port(domain="sync", addr=written.addr, data=written.data, en=written.en)
+        memory.read_port(domain="sync", addr=read.addr, data=data, en=read.en, transparent_for=())
+        m.d.sync += spoilt.eq(written.en.any() & (written.addr == read.addr))
+        m.d.comb += read.data.eq(data ^ spoilt.replicate(len(data)))
+        return m
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"motors": 1, "encoders": 1, "depth": 8},
+        pytest.param({}, marks=pytest.mark.campaign),
+        pytest.param({"motors": 3, "word_bits": 32}, marks=pytest.mark.campaign),
+    ],
+    ids=str,
+)
+def test_no_word_is_used_that_is_read_as_it_is_written(monkeypatch, options):
+    # bitstreams rely on that: `no_rw_check`
+    monkeypatch.setattr(gateware_registers, "Memory", SpoilingMemory)
+    monkeypatch.setattr(gateware_shared, "Memory", SpoilingMemory)
+    pair = Pair(shared_dda=1, **options)
+    for seed in range(2):
+        pair.run(busy(Random(seed), pair, 100_000, flaws=100))

@@ -1,11 +1,13 @@
 # amaranth: UnusedElaboratable=no
 """Clocks, pin maps, pads and netlists: what a bitstream is made of."""
 
+import re
 from pathlib import Path
 
 import pytest
 from amaranth import Module
 from amaranth.lib import io
+from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 from amaranth.sim import Simulator
 
@@ -334,3 +336,27 @@ def test_a_tool_that_fails_shows_its_last_words(monkeypatch, tmp_path):
     monkeypatch.setenv("YOSYS", "sh -c 'echo first; echo no such cell >&2; exit 3'")
     with pytest.raises(UsageError, match=r"yosys failed \(exit code 3\):\nfirst\nno such cell"):
         synth.run_tool("yosys", [], tmp_path)
+
+
+class TwoMemories(Component):
+    """Two memories; one of them promises that no word is used that is read as it is written."""
+
+    def __init__(self):
+        super().__init__({"address": In(4), "data": In(8), "careful": Out(8), "careless": Out(8)})
+
+    def elaborate(self, platform):
+        m = Module()
+        for name, attrs in (("careful", {"no_rw_check": 1}), ("careless", {})):
+            m.submodules[name] = memory = Memory(shape=8, depth=16, init=[], attrs=attrs)
+            written, read = memory.write_port(), memory.read_port()
+            m.d.comb += [
+                *(written.addr.eq(self.address), written.data.eq(self.data), written.en.eq(1)),
+                *(read.addr.eq(self.address), getattr(self, name).eq(read.data)),
+            ]
+        return m
+
+
+def test_only_a_memory_that_promises_it_is_read_without_checks():
+    design = synth._alone(TwoMemories(), "ice40")
+    read = r'cell \$memrd_v2.*?MEMID "\\\\(\w+).*?COLLISION_X_MASK (\S+)'
+    assert dict(re.findall(read, design, re.DOTALL)) == {"careful": "1'1", "careless": "1'0"}

@@ -448,7 +448,9 @@ def area_page(rows: Sequence[Area]) -> str:
         "LUTs have 4 inputs; those of the xc6s up to 6. A carry cell is one bit on the iCE40",
         "(SB_CARRY, in the logic cell of a LUT), two bits with their own two LUTs on the ECP5",
         "(CCU2C; these LUTs are not in the column), four bits on the xc6s (CARRY4). The s3g has",
-        "8192 words of program memory, on the iCE40 2048; the rapcores as many encoders as axes.",
+        "8192 words of program memory, on the iCE40 2048; the rapcores as many encoders as axes,",
+        "and memories with the attribute `no_rw_check` of Yosys: a test shows that no word is used",
+        "that is read in the cycle in which it is written.",
     ]
     return "\n".join(lines) + "\n"
 

@@ -40,6 +40,8 @@ class SpiWordPort(Component):
         ``received`` is byte ``byte`` of a word; for the last one a cycle before ``strobe``.
     byte : Out(range(word_bits // 8))
         Also, the byte of the reply to show now.
+    bit : Out(3)
+        The bit of that byte to show now, from 7 down to 0.
     reply : In(8)
         That byte; it is 0 in the next word unless something else is put there by f + 5.
     ended : Out(1)
@@ -65,6 +67,7 @@ class SpiWordPort(Component):
                 "byte_strobe": Out(1),
                 "received": Out(8),
                 "byte": Out(range(self._bytes)),
+                "bit": Out(3, init=7),
                 "reply": In(8),
                 "ended": Out(1),
                 "partial": Out(1),
@@ -82,26 +85,26 @@ class SpiWordPort(Component):
         m.d.sync += before.eq(sck)
         m.d.comb += [rise.eq(~cs & sck & ~before), fall.eq(~cs & ~sck & before)]
 
-        bit = Signal(3, init=7)  # of the byte that goes out
+        bit = self.bit
         whole, whole_before = Signal(), Signal()  # the last fall ended a byte
-        last, last_before = Signal(), Signal()  # the last byte ended a word
         with m.If(cs):
             m.d.sync += bit.eq(7)
         with m.Elif(fall):
             m.d.sync += [bit.eq(bit - 1), whole.eq(bit == 0)]
         with m.If(rise):
             m.d.sync += self.received.eq(Cat(copi, self.received))
-        m.d.sync += [whole_before.eq(whole), last_before.eq(last)]
+        m.d.sync += [
+            whole_before.eq(whole),
+            self.strobe.eq(self.byte_strobe & (self.byte == self._bytes - 1)),
+        ]
         m.d.comb += [
             self.soon.eq(fall & (bit == 0) & (self.byte == self._bytes - 1)),
             self.byte_strobe.eq(whole & ~whole_before),
-            self.strobe.eq(last & ~last_before),
         ]
         with m.If(self.byte_strobe):
             m.d.sync += [
                 self.byte.eq(Mux(self.byte == self._bytes - 1, 0, self.byte + 1)),
                 self.word.eq(Cat(self.word[8:], self.received)),
-                last.eq(self.byte == self._bytes - 1),
             ]
         m.d.comb += [
             self.cipo.eq(~cs & self.reply.bit_select(bit, 1)),

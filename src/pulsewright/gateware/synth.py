@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -260,7 +261,7 @@ def implement(
         nextpnr_opts="--report report.json --timing-allow-fail",
     )
     for name, content in plan.files.items():
-        (folder / name).write_text(content)
+        (folder / name).write_text(_unchecked(content) if name == "top.il" else content)
     commands = json.loads(plan.files["build_top.json"])["commands"]
     synthesis, routing, *others = [command for command in commands if command[0] in _TOOLS]
 
@@ -301,7 +302,31 @@ def _alone(component: Component, family: str) -> str:
     m.submodules.board = component
     ports = [Value.cast(value) for _, _, value in component.signature.flatten(component)]
     ports += [domain.clk, Signal(name="rst") if domain.rst is None else domain.rst]
-    return str(rtlil.convert(m, name="top", ports=ports, emit_src=False))
+    return _unchecked(str(rtlil.convert(m, name="top", ports=ports, emit_src=False)))
+
+
+def _unchecked(design: str) -> str:
+    """Return a design in RTLIL without logic for words that are read as they are written.
+
+    In Amaranth such a read gives the old word, which block RAM may not do. A memory with the
+    attribute ``no_rw_check``, of Yosys, promises not to use what is read then; but Yosys looks at
+    it only where it makes the ports itself, not at ports that are there.
+    """
+    cell = re.compile(r"^  cell \$memrd_v2 .*?^  end$", re.MULTILINE | re.DOTALL)
+
+    def port(found: re.Match[str]) -> str:
+        text = found[0]
+        name = re.search(r'MEMID "\\\\(.*)"', text)
+        if name is None or name[1] not in names or "CLK_ENABLE 1" not in text:
+            return text
+        return re.sub(r"(COLLISION_X_MASK \d+')(\d+)", lambda n: n[1] + "1" * len(n[2]), text)
+
+    modules = re.split(r"^(?=module )", design, flags=re.MULTILINE)
+    for n, text in enumerate(modules):
+        lines = r"^  attribute \\no_rw_check 1\n(?:  attribute .*\n)*  memory .*\\(.*)$"
+        names = re.findall(lines, text, re.MULTILINE)
+        modules[n] = cell.sub(port, text)
+    return "".join(modules)
 
 
 def _resources(stat: Path) -> Resources:

@@ -158,22 +158,24 @@ class CompactCore(DocumentCore):
     def _configuration(self, m: Module) -> None:
         """Add what configuration does; what is read is in memory."""
         word, registers, motors = self._spi.word, self._registers, self._motors
-        bits = Signal(32)  # that are stored
-        known = Signal()
-        with m.Switch(self._address):
-            for place, width in STORED:
-                with m.Case(place):
-                    size = motors if width is None else width
-                    m.d.comb += [bits.eq((1 << size) - 1), known.eq(1)]
+        self._fetch = Signal()  # the next word is one that reads memory
+        # Bits of the reply that are not in memory, in the first cycle after the one in which a word
+        # acts; in the second one what is stored.
+        wide = self._encoders > 32 and self._word_bits > 32
+        self._added = added = Signal(64 if wide else 32, reset_less=True)
+        m.d.sync += added.eq(0)
+        known = Signal()  # the address is that of a register in memory: it was read with the header
+        with m.If(self._spi.strobe & self._idle):
+            m.d.sync += known.eq(self._fetch)
         write, duration = Signal(), Signal()
-        slot = Signal.like(self._sequencer.write_slot)
+        slot = self._sequencer.write_slot
+        self._store = write | duration
         m.d.sync += [
             write.eq(self._write & known),
             duration.eq(self._spi.strobe & self._moving & (self._number == 1)),
-            slot.eq(self._sequencer.write_slot),
         ]
         m.d.comb += [
-            registers.write.eq(write | duration),
+            registers.write.eq(self._store),
             registers.write_address.eq(
                 Mux(
                     duration,
@@ -181,13 +183,20 @@ class CompactCore(DocumentCore):
                     _configuration_place(self._address),
                 )
             ),
-            registers.write_data.eq(word & (bits | duration.replicate(32))),
         ]
+        ends = sorted({1, TIMER_BITS, min(motors, 32), 32})
+        for first, end in zip([0, *ends], ends, strict=False):
+            with m.If((write & _stored(self._address, first, motors)) | duration):
+                m.d.sync += added[first:end].eq(word[first:end])
+        m.d.comb += registers.added.eq(added[:32])
 
         def register(target: Value, place: int, value: Value, init: int = 0) -> None:
-            stored = Signal(len(target), init=init, name=f"config{place:02x}")
+            # Set by the reset, but 0 at configuration: flip-flops of the iCE40 cannot be 1 then.
+            stored = Signal(len(target), reset_less=True, name=f"config{place:02x}")
             with m.If(self._write & (self._address == place)):
                 m.d.sync += stored.eq(value)
+            with m.If(self.clear):
+                m.d.sync += stored.eq(init)
             m.d.comb += target.eq(stored)
 
         register(self.en, reg.W_ENABLE, word)
@@ -228,35 +237,41 @@ class CompactCore(DocumentCore):
     def _replies(self, m: Module) -> None:
         """Add the reply: 32 bits, and what they become in a longer word."""
         spi, registers, sequencer = self._spi, self._registers, self._sequencer
-        wide = self._encoders > 32 and self._word_bits > 32
-        self._reply = reply = Signal(64 if wide else 32)
+        # It comes from the memory of registers, if only a 0, a cycle late.
+        self._reply = reply = Signal(len(self._added))
         self._extend, self._short_reply, self._inverted = Signal(), Signal(), Signal()
-        self._late = Signal()  # it comes from memory, a cycle late
-        value = Cat(registers.value, registers.inverted)
+        self._late = Signal()
         with m.If(self._late):
-            m.d.sync += [self._late.eq(0), reply.eq(value[:32]), self._inverted.eq(value[32])]
-        shown, invert, byte = Signal(8), Signal(), spi.byte
-        m.d.comb += [
-            shown.eq(reply.word_select(byte, 8)),
-            invert.eq(self._inverted),
-        ]
+            m.d.sync += [
+                self._late.eq(0),
+                reply.eq(Cat(registers.value, self._added[32:])),
+                self._inverted.eq(registers.inverted),
+            ]
+        bit, byte = spi.bit, spi.byte
+        shown, upper, none = Signal(), Signal(), Signal()  # the bit to show
+        m.d.comb += shown.eq(reply.bit_select(Cat(bit, byte)[: len(reply).bit_length() - 1], 1))
         if self._word_bits > len(reply):
-            with m.If(byte[2]):
-                m.d.comb += shown.eq((reply[31] & self._extend).replicate(8))
-                m.d.comb += invert.eq(self._inverted & self._extend)
-        with m.If(self._short_reply & (byte[0] | byte[1])):
-            m.d.comb += shown.eq(Mux(byte == 1, reply[8:10], 0))
-        with m.If(self._late):
-            m.d.comb += [shown.eq(value[:8]), invert.eq(value[32])]
-        m.d.comb += spi.reply.eq(shown ^ invert.replicate(8))
+            m.d.comb += upper.eq(byte[2])
+        m.d.comb += none.eq(
+            (self._short_reply & (byte[1] | (byte[0] & bit[1:].any()))) | (upper & ~self._extend)
+        )
+        with m.If(upper):
+            m.d.comb += shown.eq(reply[31])
+        with m.If(self._late):  # it is the highest one, or with a fast SCK the next
+            m.d.comb += spi.reply.eq(
+                (
+                    Mux(bit[0], registers.value[7], registers.value[6]) ^ registers.inverted
+                ).replicate(8)
+            )
+        with m.Else():
+            m.d.comb += spi.reply.eq((~none & (shown ^ self._inverted)).replicate(8))
 
         soon = Signal()
         m.d.sync += soon.eq(spi.soon)
-        self._fetch = Signal()  # the next word is one that reads memory
         m.d.comb += [
-            registers.block.eq(spi.soon | soon | spi.strobe),
-            registers.choose.eq(spi.strobe),
-            registers.read.eq(spi.strobe & self._fetch),
+            registers.block.eq(spi.soon | soon | spi.strobe | self._store),
+            registers.choose.eq(soon),
+            registers.read.eq(spi.strobe),
         ]
         self._bank, self._snap = Signal(), Signal()  # of the open message; its header
         self._places(m, spi.received, spi.word[8:16])
@@ -282,7 +297,7 @@ class CompactCore(DocumentCore):
 
     def _reply_nothing(self, m: Module) -> None:
         m.d.sync += [
-            *(self._reply.eq(0), self._late.eq(0), self._extend.eq(0)),
+            *(self._reply.eq(0), self._late.eq(self._spi.strobe), self._extend.eq(0)),
             *(self._short_reply.eq(0), self._inverted.eq(0)),
         ]
 
@@ -290,8 +305,7 @@ class CompactCore(DocumentCore):
         m.d.comb += self._snap.eq(1)
 
     def _reply_telemetry(self, m: Module) -> None:
-        with m.If(self._fetch):
-            m.d.sync += [self._late.eq(1), self._extend.eq(1)]
+        m.d.sync += self._extend.eq(1)
 
     def _reply_status(self, m: Module, address: Value) -> None:
         block, _ = _relative(address)
@@ -301,25 +315,26 @@ class CompactCore(DocumentCore):
         with m.Switch(address):
             for flags, value in self._flags().items():
                 with m.Case(flags):
-                    m.d.sync += [self._reply.eq(value), self._extend.eq(0)]
-            with m.Default():
-                m.d.sync += self._late.eq(1)
+                    m.d.sync += [self._added[: len(value)].eq(value), self._extend.eq(0)]
 
     def _reply_configuration(self, m: Module, address: Value) -> None:
         with m.Switch(address):
-            with m.Case(*(place for place, _ in STORED)):
-                m.d.sync += self._late.eq(1)
             for place, current in zip(reg.W_CURRENT, self._current, strict=False):
                 with m.Case(place):
-                    m.d.sync += self._reply.eq(current)
+                    m.d.sync += self._added[: len(current)].eq(current)
 
     def _places(self, m: Module, header: Value, address: Value) -> None:
         """Find out where in memory a reply is, a cycle before the word before it is complete."""
         block, index = _relative(address)
         place, fetch = Signal(ADDRESS_BITS, init=ZERO), Signal()
-        m.d.sync += [self._registers.read_address.eq(place), self._fetch.eq(fetch)]
-        with m.If(address[4:].all()):
-            pass
+        m.d.sync += [
+            self._registers.read_address.eq(Mux(fetch, place, ZERO)),
+            self._fetch.eq(fetch),
+        ]
+        with m.If(address[4:].all() | ~address[2:].any()):
+            m.d.comb += place.eq(
+                Cat(address[:4], address[7], Const(0, INDEX_BITS - 5), Const(Block.FIXED, 3))
+            )
         with m.Elif(address[6:].all()):
             m.d.comb += place.eq(Cat(address[:6], Const(Block.COUNTS, 3)))
         with m.Elif(block == 0):
@@ -328,10 +343,6 @@ class CompactCore(DocumentCore):
             m.d.comb += place.eq(Cat(index, Const(Block.VELOCITY, 3)))
         with m.Elif((block == 2) & ~index[5]):
             m.d.comb += place.eq(Cat(index, Const(Block.COUNTS, 3)))
-        with m.Switch(address):
-            for constant in self._constants():
-                with m.Case(constant):
-                    m.d.comb += place.eq(memory_address(Block.FIXED, _fixed(constant)))
         with m.If(header[1]):
             m.d.comb += place.eq(_configuration_place(address))
         stored = Cat(address == n for n, _ in STORED).any()
@@ -355,6 +366,18 @@ def _relative(address: Value) -> tuple[Value, Value]:
     return relative[6:8], relative[:6]
 
 
+def _stored(address: Value, bit: int, motors: int) -> Value:
+    """Return whether a bit is stored, as in `STORED`, by the register of an address there."""
+    if bit == 0:
+        return Const(1)
+    found = ~address[7]
+    if bit < TIMER_BITS:
+        found |= ~address[2]
+    if bit < motors:
+        found |= address[1] & address[2]
+    return found
+
+
 def _configuration_place(address: Value) -> Value:
     """Return where in memory a configuration register is."""
     return Cat(
@@ -364,5 +387,5 @@ def _configuration_place(address: Value) -> Value:
 
 
 def _fixed(place: int) -> int:
-    """Return the index of a constant status register in block FIXED; 2 is for 0."""
-    return {reg.R_VERSION: 0, reg.R_CHANNEL_INFO: 1, reg.R_BUILD_PARAMETERS: 4}.get(place, 5)
+    """Return the index in block FIXED of a constant status register, of the first 4 or last 16."""
+    return place & 15 | place >> 7 << 4

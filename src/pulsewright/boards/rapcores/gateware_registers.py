@@ -5,7 +5,8 @@ all of them. A read takes its register out of turn, so that it gives what the re
 cycle of the read.
 
 An encoder has three numbers: its position, its velocity, and the time since its last count, as it
-was at its last turn. In memory a velocity of a falling position is the complement of what it is.
+was at its last turn, less 1. In memory a velocity of a falling position is the complement of what
+it is.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from typing import Final
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
+
+from pulsewright.boards.rapcores.gateware_shared import BLOCK_RAM
 
 WORD_BITS: Final = 32
 INDEX_BITS: Final = 6
@@ -81,7 +84,9 @@ def memory_address(block: Block, index: int) -> int:
     return block << INDEX_BITS | index
 
 
-ZERO: Final = memory_address(Block.FIXED, 2)  # a word that is 0
+# Words that are 0, and -1.
+ZERO: Final = memory_address(Block.FIXED, 2)
+MINUS_ONE: Final = memory_address(Block.FIXED, 3)
 
 
 class CountingRegisters(Component):
@@ -126,12 +131,14 @@ class CountingRegisters(Component):
     block : In(1)
         A read comes within two cycles, or now.
     choose : In(1), read : In(1), read_address : In(9)
-        Read a register. ``choose`` is there with ``read``, and not without ``block``; it is apart
-        from it as it comes sooner.
+        Read a register, with ``block``; ``choose`` and the address are there a cycle before, too.
     value : Out(32), inverted : Out(1)
         In the cycle after ``read``: its register. If ``inverted``, the complement is meant.
-    write : In(1), write_address : In(9), write_data : In(32)
-        Write a register, in the cycle after one in which a read could have been.
+    added : In(32)
+        Bits of ``value`` besides those of the register, which are 0 there; only then, and after
+        ``write``.
+    write : In(1), write_address : In(9)
+        Write what ``added`` is in the next cycle to a register; with ``block``, without ``read``.
     capture : In(1), copy : In(1), copy_bank : In(1)
         Remember what encoders are in this cycle. Copy, from the next cycle on, position and
         velocity as they were then, into one of two blocks.
@@ -179,7 +186,7 @@ class CountingRegisters(Component):
                 "inverted": Out(1),
                 "write": In(1),
                 "write_address": In(ADDRESS_BITS),
-                "write_data": In(WORD_BITS),
+                "added": In(WORD_BITS),
                 "capture": In(1),
                 "copy": In(1),
                 "copying": Out(1),
@@ -190,13 +197,13 @@ class CountingRegisters(Component):
     def _round(self) -> int:
         """Return the cycles from one turn of a register to the next, at most."""
         turns = 3 * self._encoders + self._motors + 1 + len(self._events)
-        copy = 2 * self._copied + 2
+        copy = 2 * self._copied + 3
         cycles, before = turns, 0
         while cycles != before:
             before = cycles
             copies = min(self._depth + 1, cycles // self._tick_cycles + 2)
-            # three cycles of each word of a message are free for a read
-            reads = 3 * (cycles // 64 + 1)
+            # four cycles of each word of a message are free for a read and a write
+            reads = 4 * (cycles // 64 + 1)
             cycles = turns + self._depth + copy * copies + reads
         return cycles
 
@@ -209,152 +216,160 @@ class CountingRegisters(Component):
         self._delta_bits = max(self._time_bits + 1, OWED_BITS + 1, step_bits)
         job, more = Signal(Job), Signal()
         free, copies, turn = Signal(), Signal(), Signal()
-        start = Signal()
+        start, chosen = Signal(), Signal()  # chosen: a copy
         m.d.comb += [
             free.eq(~more & ~self.block & ~self.clear),
-            turn.eq(free & ~self.copying),
-            start.eq(self.read | turn | (free & copies)),
+            turn.eq(free & ~self.copying & ~chosen),
+            start.eq(self.read | turn | (free & chosen & copies)),
         ]
 
-        # Whose turn it is: that of the read, of a copy, or the next one of the scan.
-        kind, index = Signal(3), Signal(INDEX_BITS)
-        scan_kind, scan_index = self._scan(m, turn)
-        copy_time, copy_index = self._copy_scan(m, free, copies)
+        # Whose turn it is: that of the read, of a copy, or the next one of the scan. Decided a
+        # cycle before, as it takes long to find what has changed.
+        first = Kind.POSITION if self._encoders else Kind.MOTOR
+        kind, index = Signal(3, init=first), Signal(INDEX_BITS)
+        scan_kind, scan_index = self._scan(m, turn, first)
+        copy_time, copy_index = self._copy_scan(m, free & chosen, copies)
+        m.d.sync += chosen.eq(self.copying & ~self.choose)
         with m.If(self.choose):
-            m.d.comb += index.eq(self.read_address)
+            m.d.sync += index.eq(self.read_address)
             with m.Switch(self.read_address[INDEX_BITS:]):
                 with m.Case(Block.POSITION):
-                    m.d.comb += kind.eq(Kind.POSITION)
+                    m.d.sync += kind.eq(Kind.POSITION)
                 with m.Case(Block.VELOCITY):
-                    m.d.comb += kind.eq(Kind.TIME)
+                    m.d.sync += kind.eq(Kind.TIME)
                 with m.Case(Block.COUNTS):
-                    m.d.comb += kind.eq(
+                    m.d.sync += kind.eq(
                         Mux(self.read_address[INDEX_BITS - 1], Kind.EVENT, Kind.MOTOR)
                     )
                 with m.Default():
-                    m.d.comb += kind.eq(Kind.FIXED)
+                    m.d.sync += kind.eq(Kind.FIXED)
         with m.Elif(self.copying):
-            m.d.comb += [
+            m.d.sync += [
                 kind.eq(Mux(copy_time, Kind.TIME, Kind.POSITION)),
                 index.eq(copy_index),
             ]
         with m.Else():
-            m.d.comb += [kind.eq(scan_kind), index.eq(scan_index)]
+            m.d.sync += [kind.eq(scan_kind), index.eq(scan_index)]
 
-        live = self.choose | ~self.copying
-        changes = self._changes(m, turn, live, kind, index)
+        # What had its turn in the cycle of a capture has not changed since.
+        turned, last_kind, last_index = Signal(), Signal(), Signal(range(max(self._encoders, 1)))
+        unchanged = turned & (kind[0] == last_kind) & (index == last_index)
+        with m.If(self.capture):
+            m.d.sync += [
+                turned.eq(turn & ~kind[1] & ~kind[2]),
+                *(last_kind.eq(kind[0]), last_index.eq(index)),
+            ]
+        changes = self._changes(m, turn, ~chosen, chosen & ~unchanged, kind, index)
         counted, often = changes[1:3]
         # Kept for the jobs of the turn.
         kept = [Signal.like(value, name=f"kept{n}") for n, value in enumerate(changes)]
         kept_delta, kept_counted, _, kept_gap, kept_time, kept_falling = kept
-        kept_index, kept_own, kept_copy = Signal.like(index), Signal(), Signal()
+        kept_own = Signal()
         with m.If(start):
             m.d.sync += [
                 *(old.eq(new) for old, new in zip(kept, changes, strict=True)),
-                kept_index.eq(index),
-                kept_own.eq(~self.choose),
-                kept_copy.eq(~live),
+                kept_own.eq(~self.read),
             ]
 
         m.submodules.memory = memory = Memory(
             shape=WORD_BITS + 1,
             depth=1 << ADDRESS_BITS,
-            init=[self._contents.get(n, 0) for n in range(1 << ADDRESS_BITS)],
-            attrs={"ram_style": "block"},
+            init=[
+                {MINUS_ONE: (1 << WORD_BITS) - 1, **self._contents}.get(n, 0)
+                for n in range(1 << ADDRESS_BITS)
+            ],
+            attrs=BLOCK_RAM,
         )
         written, read = memory.write_port(), memory.read_port()
 
-        # The job of a turn, or the next one.
+        # The job of a turn, or the next one: its register, and what is read for it. The register is
+        # written in the next cycle; also in the one after a reset.
         next_job = Signal(Job)
-        m.d.comb += read.addr.eq(ZERO)
+        place, target = Signal(ADDRESS_BITS), Signal(ADDRESS_BITS, reset_less=True)
+        clearing = Signal(reset_less=True)
+        m.d.sync += [target.eq(place), clearing.eq(self.clear)]
+        block = Cat(kind[:2].any(), kind[1] | ~kind[0])
+        m.d.comb += [place.eq(Cat(index, block, 0)), read.addr.eq(place)]
+        with m.If(chosen):
+            m.d.sync += target.eq(copied_address(kind[0], index, self.copy_bank))
         with m.If(self.clear):
-            pass  # so that in the next cycle nothing is added to 0
-        with m.Elif(start):
-            m.d.sync += more.eq(turn & (kind == Kind.TIME))
-            with m.Switch(kind):
-                with m.Case(Kind.POSITION):
-                    m.d.comb += [
-                        next_job.eq(Job.POSITION),
-                        read.addr.eq(_place(Block.POSITION, index)),
-                    ]
-                with m.Case(Kind.TIME):
-                    since = Mux(often, ZERO, _place(Block.SINCE, index))
-                    m.d.comb += [
-                        next_job.eq(Job.VELOCITY),
-                        read.addr.eq(Mux(counted, since, _place(Block.VELOCITY, index))),
-                    ]
-                with m.Case(Kind.MOTOR):
-                    m.d.comb += [
-                        next_job.eq(Job.COUNT),
-                        read.addr.eq(_place(Block.COUNTS, index)),
-                    ]
-                with m.Case(Kind.EVENT):
-                    duration = self.run & (index == self._events[0].place - 1)
-                    begin = Mux(duration, _place(Block.DURATION, self.slot), ZERO)
-                    m.d.comb += [
-                        next_job.eq(Job.COUNT),
-                        read.addr.eq(Mux(often, begin, _place(Block.COUNTS, index))),
-                    ]
-                with m.Default():
-                    m.d.comb += read.addr.eq(self.read_address)
+            m.d.comb += [place.eq(self.clear_address), read.addr.eq(ZERO)]
+            m.d.sync += target.eq(place)
+        with m.Elif(self.write):
+            m.d.comb += [place.eq(self.write_address), read.addr.eq(ZERO)]
+            m.d.sync += target.eq(place)
         with m.Elif(more):
-            m.d.sync += more.eq(0)
+            m.d.sync += [more.eq(0), target.eq(place)]
             m.d.comb += [
                 next_job.eq(Job.SINCE),
-                read.addr.eq(Mux(kept_counted, ZERO, _place(Block.SINCE, kept_index))),
+                place.eq(_place(Block.SINCE, target[:INDEX_BITS])),
+                read.addr.eq(Mux(kept_counted, MINUS_ONE, place)),
             ]
+        with m.Elif(start):
+            m.d.sync += more.eq(turn & (kind == Kind.TIME))
+            with m.If(self.read):
+                m.d.comb += place.eq(self.read_address)
+            with m.Switch(kind):
+                with m.Case(Kind.POSITION):
+                    m.d.comb += next_job.eq(Job.POSITION)
+                with m.Case(Kind.TIME):
+                    m.d.comb += next_job.eq(Job.VELOCITY)
+                    with m.If(counted):
+                        since = Cat(place[:INDEX_BITS], Const(Block.SINCE, 3))
+                        m.d.comb += read.addr.eq(Mux(often, MINUS_ONE, since))
+                with m.Case(Kind.MOTOR):
+                    m.d.comb += next_job.eq(Job.COUNT)
+                with m.Case(Kind.EVENT):
+                    duration = self.run & (index == self._events[0].place - 1)
+                    m.d.comb += next_job.eq(Job.COUNT)
+                    with m.If(often):
+                        m.d.comb += read.addr.eq(
+                            Mux(duration, _place(Block.DURATION, self.slot), ZERO)
+                        )
         m.d.sync += job.eq(next_job)
 
-        operand = Signal(self._delta_bits)
+        stored = Signal()
+        m.d.sync += stored.eq(self.write)
+        operand, one = Signal(self._delta_bits), Signal()
         total = Signal(WORD_BITS)
         m.d.comb += [
-            total.eq(read.data[:WORD_BITS] + operand.as_signed()),
+            total.eq(
+                (Cat(1, read.data[:WORD_BITS]) + Cat(one, operand).as_signed())[1 : WORD_BITS + 1]
+                | self.added
+            ),
             self.value.eq(total),
             self.inverted.eq(read.data[WORD_BITS]),
-            written.addr.eq(_place(Block.COUNTS, kept_index)),
+            written.addr.eq(target),
             written.data.eq(total),
-            written.en.eq(((job != Job.NONE) & kept_own) | self.write | self.clear),
+            written.en.eq(((job != Job.NONE) & kept_own) | stored | clearing),
         ]
         with m.Switch(job):
-            with m.Case(Job.COUNT):
+            with m.Case(Job.COUNT, Job.POSITION):
                 m.d.comb += operand.eq(kept_delta)
-            with m.Case(Job.POSITION):
+            with m.Case(Job.VELOCITY), m.If(kept_counted):
                 m.d.comb += [
-                    operand.eq(kept_delta),
-                    written.addr.eq(_place(Block.POSITION, kept_index)),
+                    operand.eq(kept_gap),
+                    one.eq(~kept_falling),
+                    self.inverted.eq(kept_falling),
                 ]
-            with m.Case(Job.VELOCITY):
-                m.d.comb += written.addr.eq(_place(Block.VELOCITY, kept_index))
-                with m.If(kept_counted):
-                    m.d.comb += [
-                        operand.eq(Cat(kept_gap, Const(0, 1)).as_signed() - kept_falling),
-                        self.inverted.eq(kept_falling),
-                    ]
             with m.Case(Job.SINCE):
-                m.d.comb += [
-                    operand.eq(kept_time),
-                    written.addr.eq(_place(Block.SINCE, kept_index)),
-                ]
+                m.d.comb += operand.eq(kept_time)
         m.d.comb += written.data[WORD_BITS].eq((job == Job.VELOCITY) & self.inverted)
-        with m.If(kept_copy):
-            m.d.comb += written.addr.eq(
-                copied_address(job == Job.VELOCITY, kept_index, self.copy_bank)
-            )
-        with m.If(self.write):
-            m.d.comb += [written.addr.eq(self.write_address), written.data.eq(self.write_data)]
-        with m.If(self.clear):
-            m.d.comb += written.addr.eq(self.clear_address)
-            with m.Switch(self.clear_address):
+        with m.If(clearing):
+            with m.If(target[INDEX_BITS:] == Block.SINCE):
+                m.d.comb += operand.eq(-1)
+            with m.Switch(target):
                 for address, value in self._defaults.items():
                     with m.Case(address):
                         m.d.comb += operand.eq(value)
-
         return m
 
-    def _scan(self, m: Module, turn: Value) -> tuple[Signal, Signal]:
-        """Add the scan; return whose turn is next."""
-        first = Kind.POSITION if self._encoders else Kind.MOTOR
+    def _scan(self, m: Module, turn: Value, first: Kind) -> tuple[Signal, Signal]:
+        """Add the scan; return whose turn is next, in the next cycle."""
         kind, index = Signal(3, init=first), Signal(INDEX_BITS)
+        next_kind, next_index = Signal.like(kind), Signal.like(index)
+        m.d.comb += [next_kind.eq(kind), next_index.eq(index)]
+        m.d.sync += [kind.eq(next_kind), index.eq(next_index)]
         ends = {
             Kind.POSITION: (self._encoders - 1, Kind.TIME, 0),
             Kind.TIME: (self._encoders - 1, Kind.MOTOR, 0),
@@ -362,39 +377,44 @@ class CountingRegisters(Component):
             Kind.EVENT: (self._events[-1].place, first, 0),
         }
         with m.If(turn):
-            m.d.sync += index.eq(index + 1)
+            m.d.comb += next_index.eq(index + 1)
             with m.Switch(kind):
                 for now, (last, then, at) in ends.items():
                     with m.Case(now), m.If(index == last):
-                        m.d.sync += [kind.eq(then), index.eq(at)]
-        return kind, index
+                        m.d.comb += [next_kind.eq(then), next_index.eq(at)]
+        return next_kind, next_index
 
     def _copy_scan(self, m: Module, free: Value, copies: Signal) -> tuple[Signal, Signal]:
-        """Add the scan of a copy; ``copies``: it is there for the next turn, which is returned."""
+        """Add the scan of a copy; return what is next. ``copies``: the turn of a copy may be."""
         time, index = Signal(), Signal(max(self._copied - 1, 0).bit_length())
+        next_time, next_index = Signal.like(time), Signal.like(index)
         if not self._copied:
             return time, index
         # In the first cycle the result of a turn before may not be in memory.
         wait = Signal()
         m.d.sync += wait.eq(self.copy)
-        m.d.comb += copies.eq(self.copying & ~wait)
+        m.d.comb += [copies.eq(self.copying & ~wait), next_time.eq(time), next_index.eq(index)]
+        m.d.sync += [time.eq(next_time), index.eq(next_index)]
         with m.If(free & copies):
-            m.d.sync += index.eq(index + 1)
+            m.d.comb += next_index.eq(index + 1)
             with m.If(index == self._copied - 1):
-                m.d.sync += [index.eq(0), time.eq(1), self.copying.eq(~time)]
+                m.d.comb += [next_index.eq(0), next_time.eq(1)]
+                m.d.sync += self.copying.eq(~time)
         with m.If(self.copy):
-            m.d.sync += [index.eq(0), time.eq(0), self.copying.eq(1)]
-        return time, index
+            m.d.comb += [next_index.eq(0), next_time.eq(0)]
+            m.d.sync += self.copying.eq(1)
+        return next_time, next_index
 
     def _changes(
-        self, m: Module, turn: Value, live: Value, kind: Value, index: Value
+        self, m: Module, turn: Value, live: Value, captured: Value, kind: Value, index: Value
     ) -> tuple[Signal, ...]:
         """Add what has changed since the last turns.
 
         Returns
         -------
         delta, counted, often, gap, time, falling
-            Of the one with an index: now if ``live``, else of an encoder at the last capture.
+            Of the one with an index: now if ``live``, or, if ``captured``, of an encoder at the
+            last capture.
         """
         bits = self._time_bits
         found = [Signal(n) for n in (bits + 1, 1, 1, bits, bits, 1)]  # of encoders
@@ -403,18 +423,17 @@ class CountingRegisters(Component):
             here = ~kind[1] & (index == n)
             turns = [turn & here & (kind[0] == time) for time in range(2)]
             now = self._encoder_changes(m, n, *turns)
-            my_delta, my_counted, my_often, my_gap, _, my_falling = now
             if n >= self._copied:
                 parts.append((here, now))
                 continue
             then = [Signal.like(value, name=f"then{k}") for k, value in enumerate(now)]
-            kept = (
-                *(Mux(turns[0], 0, my_delta), ~turns[1] & my_counted, ~turns[1] & my_often),
-                *(my_gap, 0, my_falling),
-            )
-            with m.If(self.capture):
-                m.d.sync += [old.eq(new) for old, new in zip(then, kept, strict=True)]
-            parts += [(here & live, now), (here & ~live, then)]
+            with m.If(self.capture):  # but for the time, which is not copied
+                m.d.sync += [
+                    old.eq(new)
+                    for k, (old, new) in enumerate(zip(then, now, strict=True))
+                    if k != 4
+                ]
+            parts += [(here & live, now), (here & captured, then)]
         for k, value in enumerate(found):
             m.d.comb += value.eq(_either((here, mine[k]) for here, mine in parts))
         delta, often = Signal(self._delta_bits), Signal()
@@ -468,8 +487,10 @@ class CountingRegisters(Component):
     ) -> tuple[Signal, ...]:
         """Add what has changed of an encoder."""
         bits = self._time_bits
-        delta, gap, time = Signal(bits + 1), Signal(bits), Signal(bits)
-        counted, often, falling = Signal(), Signal(), Signal()
+        delta, time = Signal(bits + 1), Signal(bits)
+        counted, often = Signal(), Signal()
+        # used after a count only
+        gap, falling = Signal(bits, reset_less=True), Signal(reset_less=True)
         count, up = self.count[n], self.up[n]
         before = counted & ~turn_time
         change = Cat(count, (count & ~up).replicate(bits))

@@ -19,6 +19,8 @@ from amaranth.lib.wiring import Component, In, Out
 SLICE_BITS: Final = 16
 DURATION: Final = 0  # entry; that of motor n is n + 1
 DURATION_SLICES: Final = 2
+# Of memories; no word is used that is read in the cycle in which it is written.
+BLOCK_RAM: Final = {"ram_style": "block", "no_rw_check": 1}
 LATENCY: Final = 3  # cycles from a slice's addresses until its result is in memory
 
 
@@ -176,7 +178,7 @@ class SharedDda(Component):
         found = []
         for name, init, enable in (("first", [], ~second), ("second", grows, second)):
             m.submodules[f"slots_{name}"] = memory = Memory(
-                shape=SLICE_BITS, depth=size * self._depth, init=init, attrs={"ram_style": "block"}
+                shape=SLICE_BITS, depth=size * self._depth, init=init, attrs=BLOCK_RAM
             )
             written, read = memory.write_port(granularity=8), memory.read_port()
             m.d.comb += [
@@ -192,9 +194,7 @@ class SharedDda(Component):
 
     def _memory(self, place_bits: int) -> Memory:
         """Return two sets of slices of all entries."""
-        return Memory(
-            shape=SLICE_BITS, depth=2 << place_bits, init=[], attrs={"ram_style": "block"}
-        )
+        return Memory(shape=SLICE_BITS, depth=2 << place_bits, init=[], attrs=BLOCK_RAM)
 
 
 def _add(a: Signal, b: Signal, carry: Signal) -> Signal:

@@ -190,6 +190,13 @@ def test_usage_errors_exit_with_2(call, folder):
     assert (code, "is a file" in err) == (2, True)
 
 
+@pytest.mark.parametrize("arguments", [("regs", "usc"), ("regs", "no such board")])
+def test_signals_do_afterwards_what_they_did_before(call, arguments):
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    call(*arguments)
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+
+
 def test_vcd_is_written_when_asked(call, folder):
     assert call("run", write(folder, SQUARE), "--vcd")[0] == 0
     assert "$timescale" in (folder / "out/part/trace.vcd").read_text()[:2000]

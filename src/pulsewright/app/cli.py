@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import signal
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -381,6 +382,21 @@ def _complain(message: str, error: BaseException) -> None:
         print(f"pulsewright: {line}", file=sys.stderr)
 
 
+@contextmanager
+def _cleanly_ended() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM leave by way of all clean-ups, in the main thread."""
+    before = {}
+    with suppress(ValueError):  # not in the main thread
+        for number in (signal.SIGTERM, signal.SIGINT):  # typer ends on an interrupt without a word
+            before[number] = signal.signal(number, _terminate)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@_cleanly_ended()
 def main() -> None:
     """Run the command line; errors become one line and an exit code.
 
@@ -388,9 +404,6 @@ def main() -> None:
     stopped; 130: interrupted; 143: terminated. Before that boards come to rest on their path and
     are stopped, and files that are not whole are removed.
     """
-    with suppress(ValueError):  # not in the main thread
-        signal.signal(signal.SIGTERM, _terminate)
-        signal.signal(signal.SIGINT, _terminate)  # typer would end on an interrupt without a word
     try:
         sys.exit(app(standalone_mode=False))
     except PulsewrightError as error:

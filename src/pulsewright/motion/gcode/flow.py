@@ -241,14 +241,14 @@ class Flow:
 
     def _construct(self, word: OWord, i: int) -> Construct:
         construct = self._source.flow.get(i)
+        if construct is not None and construct.tail >= 0:
+            return construct
         if construct is None:
             word.span.fail(f"{word.name} {word.keyword.lower()} belongs to nothing before it")
-        if construct.tail < 0:
-            close = _CLOSE.get(construct.keyword, "while")
-            word.span.fail(
-                f"{word.name} {construct.keyword.lower()} is not closed by {word.name} {close}"
-            )
-        return construct
+        close = _CLOSE.get(construct.keyword, "while")
+        word.span.fail(
+            f"{word.name} {construct.keyword.lower()} is not closed by {word.name} {close}"
+        )
 
     def _value_of(self, word: OWord) -> float:
         return self._values_of(word)[0]
@@ -363,8 +363,9 @@ class Flow:
     def _find(self, label: Label, word: OWord) -> tuple[Source, Construct]:
         """Return where a subroutine is: in this file, in the program, or in a file of its own."""
         for source in (self._source, self._main):
-            if label in source.subroutines:
-                return source, source.subroutines[label]
+            construct = source.subroutines.get(label)
+            if construct is not None:
+                return source, construct
         name = str(label)
         if label not in self._files:
             path = self._file(name)

@@ -132,9 +132,9 @@ class Recorder:
         self, lines: NDArray[np.int32], ends: NDArray[np.float64], feeds: NDArray[np.float64]
     ) -> None:
         """Take many straight moves at once: ends in program coordinates, feeds [mm/s]."""
-        self._lines.frombytes(lines.tobytes())
-        self._ends.frombytes(ends.tobytes())
-        self._feeds.frombytes(feeds.tobytes())
+        self._lines.frombytes(lines.view(np.uint8))
+        self._ends.frombytes(ends.view(np.uint8))
+        self._feeds.frombytes(feeds.view(np.uint8))
         if len(self._lines) > self._most:
             self._hand_over()
 
@@ -186,6 +186,8 @@ class Recorder:
         self._frames.append((len(self._lines), self._frame))
 
     def _set_feed_rate(self, call: c.SetFeedRate) -> None:
+        if call == self._rate:
+            return
         self._rate = call
         if call.scale != self._feed_scales[-1][1]:
             self._feed_scales.append((len(self._lines), call.scale))

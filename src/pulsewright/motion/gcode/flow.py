@@ -241,14 +241,14 @@ class Flow:
 
     def _construct(self, word: OWord, i: int) -> Construct:
         construct = self._source.flow.get(i)
-        if construct is not None and construct.tail >= 0:
-            return construct
         if construct is None:
             word.span.fail(f"{word.name} {word.keyword.lower()} belongs to nothing before it")
-        close = _CLOSE.get(construct.keyword, "while")
-        word.span.fail(
-            f"{word.name} {construct.keyword.lower()} is not closed by {word.name} {close}"
-        )
+        if construct.tail < 0:
+            close = _CLOSE.get(construct.keyword, "while")
+            word.span.fail(
+                f"{word.name} {construct.keyword.lower()} is not closed by {word.name} {close}"
+            )
+        return construct
 
     def _value_of(self, word: OWord) -> float:
         return self._values_of(word)[0]

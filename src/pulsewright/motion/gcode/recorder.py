@@ -132,9 +132,9 @@ class Recorder:
         self, lines: NDArray[np.int32], ends: NDArray[np.float64], feeds: NDArray[np.float64]
     ) -> None:
         """Take many straight moves at once: ends in program coordinates, feeds [mm/s]."""
-        self._lines.frombytes(lines.view(np.uint8))
-        self._ends.frombytes(ends.view(np.uint8))
-        self._feeds.frombytes(feeds.view(np.uint8))
+        self._lines.frombytes(lines.view(np.uint8).data)
+        self._ends.frombytes(ends.view(np.uint8).data)
+        self._feeds.frombytes(feeds.view(np.uint8).data)
         if len(self._lines) > self._most:
             self._hand_over()
 

@@ -70,10 +70,10 @@ def test_any_plan_is_left_at_any_time_within_its_limits(plan, limits, seed):
     held, at = hold(plan, time, limits)
     check(plan, held, at, time, limits)
     # speed / acceleration, twice the time in which acceleration is built up, and that again where
-    # the plan accelerates or is on a curve
+    # the plan accelerates, or more on a curve, where bending may take nearly all of the jerk
     speed = abs(plan.at(time, 1)[0] / 500).max()
     resting = plan.at(time, 1).any()
-    assert held.duration - time <= (speed + 0.12 if resting else 0)
+    assert held.duration - time <= (speed + 0.14 if resting else 0)
     assert time <= at <= held.duration
 
 

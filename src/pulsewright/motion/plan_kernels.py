@@ -29,7 +29,7 @@ from pulsewright.compiled import compiled
 from pulsewright.motion.path import Elements, Floats, Ints, Limits, _peak_cosine
 
 BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
-TWIST_SHARE = 0.7  # of the jerk, for bending at constant speed
+TWIST_SHARE = 0.9  # of the jerk, for bending at constant speed
 COUPLED_SHARE = 0.5  # of what is left of the jerk, for changing speed where the path bends
 RAMP_SHARE = 0.998  # of the acceleration
 LEAST_SHARE = 0.1  # of the jerk for changing speed
@@ -49,6 +49,10 @@ TANGENT_SHARE = 0.25  # where a rounded peak ends: its part of a difference in s
 ROUNDING = 1e-8  # of the limits
 SPLITS = (0.35, 0.65, 0.2, 0.8)  # where the two pieces of a cell may meet, besides its middle
 BRIDGES = (1, 2, 3, 5, 8, 13)  # cells on both sides of a broken one that change with it
+WORTH = 0.01  # of a run's time, lost to the jerk: then it is worth to raise speeds
+GAIN = 0.03  # the same of some cells
+WIDE = 32  # cells whose speeds are raised together, at most; and half as many, and so on
+RAISES = (0.3, 0.09, 0.027)  # of the squares of speeds, in the middle of these cells
 PARTS = 4096  # cells of one element at most
 
 
@@ -498,7 +502,7 @@ class Task(NamedTuple):
     jerk: Floats  # (n,) path jerk left
     split: Floats  # (n,) of a cell's time, for the first of its two pieces
     node: Ints  # (n + 1,) scratch
-    work: Floats  # (6, n + 1) scratch
+    work: Floats  # (7, n + 1) scratch
 
 
 @_part
@@ -566,7 +570,8 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     From rest to rest: the second-order optimum, then what the jerk takes from it, see `_climb` and
     `_round_peaks`. Where the law of a cell breaks a limit, one law is led over more cells, see
     `_bridged`. If that does not help, limits are tightened there and the speeds around it are
-    planned again; a run that does not come to an end is slowed down as a whole.
+    planned again; a run that does not come to an end is slowed down as a whole. At last, speeds are
+    raised where limits still hold then, see `_raise`: shares of the jerk were estimates.
 
     ``square`` and ``slope`` are b and a at the first node, 0 at rest. What begins in motion cannot
     be slowed down as a whole; where that would be needed, the last number of repairs is negative.
@@ -575,7 +580,7 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     b, a = np.zeros(n + 1), np.zeros(n + 1)
     task = Task(
         grid, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
-        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((6, n + 1)),
+        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((7, n + 1)),
     )  # fmt: skip
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
@@ -622,6 +627,7 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
             if left > 0:
                 repaired[2] += 1
                 _slow_down(task, b, a, first, last)
+            _raise(task, b, a, first, last)
         first = last
     return b, a, task.split, repaired
 
@@ -759,10 +765,86 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 
 
 @_part
+def _raise(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
+    """Raise speeds between two nodes where they are far below the second-order optimum."""
+    size, best = task.cells.size, task.work[6]
+    for c in range(first, last):
+        task.ease[c] = 1.0
+    best[first], best[last] = b[first], b[last]
+    _envelope(task, best, first, last)
+    if _lost(size, b, best, first, last) < WORTH:
+        return
+    width = WIDE
+    while width > 1:
+        low = first
+        while low + 1 < last:
+            high = min(low + width, last)
+            if _lost(size, b, best, low, high) > GAIN:
+                for share in RAISES:
+                    _raised(task, b, a, low, high, share)
+            low += width // 2
+        width //= 2
+
+
+@_part
+def _lost(size: Floats, b: Floats, best: Floats, first: int, last: int) -> float:
+    """Return the share of time between two nodes that would be saved with ``best``."""
+    time, lost = 0.0, 0.0
+    for i in range(first + 1, last):
+        span = size[i] / math.sqrt(b[i])
+        time += span
+        lost += span * (1.0 - math.sqrt(b[i] / best[i]))
+    return lost / time if time > 0.0 else 0.0
+
+
+@_part
+def _raised(task: Task, b: Floats, a: Floats, low: int, high: int, share: float) -> bool:
+    """Raise ``b`` between two nodes by a smooth factor; tell whether that saves time.
+
+    If it does not, or breaks a limit, nothing changes.
+
+    The factor is 1 + share (1 - z^2)^3 for z from -1 to 1, so b, a and the jerk have no jump.
+    """
+    cells, size, old, slope = task.cells, task.cells.size, task.work[0], task.work[1]
+    half = 0.0
+    for c in range(low, high):
+        half += 0.5 * size[c]
+    z = -1.0
+    before = _time(task, b, a, low, high)
+    for i in range(low + 1, high):
+        z += size[i - 1] / half
+        old[i], slope[i] = b[i], a[i]
+        flat = 1.0 - z * z
+        factor = 1.0 + share * flat * flat * flat
+        a[i] = a[i] * factor - 3.0 * share * z * flat * flat / half * b[i]
+        b[i] *= factor
+    better = True
+    for c in range(low, high):
+        if not _holds(cells, b, a, c, task.split[c]):
+            better = False
+            break
+    if better and _time(task, b, a, low, high) < before:
+        return True
+    for i in range(low + 1, high):
+        b[i], a[i] = old[i], slope[i]
+    return False
+
+
+@_part
+def _time(task: Task, b: Floats, a: Floats, first: int, last: int) -> float:
+    """Return the time between two nodes."""
+    time = 0.0
+    for c in range(first, last):
+        time += _pieces(b[c], b[c + 1], a[c], a[c + 1], task.cells.size[c], task.split[c])[0]
+    return time
+
+
+@_part
 def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Plan ``b`` and ``a`` between two nodes, whose values are given."""
     size, ramp, jerk = task.cells.size, task.ramp, task.jerk
     _envelope(task, b, first, last)
+    _leave(task, b, first, last)
     begin, end = a[first], a[last]
     for i in range(first, last + 1):
         a[i] = math.nan
@@ -793,7 +875,7 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 
 @_part
 def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
-    """Put the second-order optimum into ``b``, and what it leaves free on the cells."""
+    """Put the second-order optimum between two nodes into ``b``."""
     share, row, size, ease = task.cells.share, task.cells.row, task.cells.size, task.ease
     for c in range(first + 1, last):
         b[c] = min(task.cap[c - 1] * ease[c - 1], task.cap[c] * ease[c])
@@ -802,9 +884,15 @@ def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
     for c in range(first, last):
         if c + 1 < last:
             b[c + 1] = min(b[c + 1], _reach(share, row[c], ease[c], size[c], b[c]))
-        free, j = _free(share[row[c]], max(b[c], b[c + 1]))
-        task.ramp[c], task.jerk[c] = free * ease[c], j * task.soft[c]
-    ramp, jerk = task.ramp, task.jerk
+
+
+@_part
+def _leave(task: Task, b: Floats, first: int, last: int) -> None:
+    """Find what acceleration and jerk the squares of speeds leave free on the cells."""
+    cells, size, ramp, jerk = task.cells, task.cells.size, task.ramp, task.jerk
+    for c in range(first, last):
+        free, j = _free(cells.share[cells.row[c]], max(b[c], b[c + 1]))
+        ramp[c], jerk[c] = free * task.ease[c], j * task.soft[c]
     for c in range(first + 1, last):
         gain = jerk[c] * size[c] / math.sqrt(max(b[c], b[c + 1]))
         ramp[c] = min(ramp[c], ramp[c - 1] + gain)

@@ -21,7 +21,7 @@ from pulsewright.compiled import compiled
 NOTHING = 1e-8  # motion shorter than this is none [mm, degrees]
 TANGENT = 1e-9  # tangents that differ less are equal; the jump in velocity is rounding
 REVERSAL = -0.98  # cosine between tangents below which the machine stops in the corner
-MERGE_SHARE = 1 / 3  # of the tolerance, for chords; the rest is for blends
+MERGE_SHARE = 0.42  # of the tolerance, for chords; the rest is for blends
 LONGEST_RUN = 64  # moves that one chord may replace
 BLEND_SHARE = 0.1  # of acceleration and jerk at full speed; a blend need not take less
 SLIVER = 1e-8  # of a segment: so small a part is none; what it bends is rounding

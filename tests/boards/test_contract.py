@@ -61,7 +61,7 @@ def test_a_link_that_cannot_be_opened_is_answered_with_those_that_can(link):
 class Opened:
     """A link that notes whether it is open."""
 
-    clock_hz, access_cycles, exact, closed = 40_000_000, 60, True, 0
+    clock_hz, access_cycles, exact, in_real_time, closed = 40_000_000, 60, True, False, 0
 
     def close(self):
         self.closed += 1

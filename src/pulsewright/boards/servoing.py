@@ -31,8 +31,8 @@ GAIN: Final = (
 )
 HEADROOM: Final = 1.25  # of a motor's rate, for corrections
 SLOWEST: Final = 1.0  # lower rates are none [step/s]
-LOOKS: Final = 3  # of which the first is taken whose time is known ...
-SURE: Final = 2e-4  # ... up to this, either way [s]
+LOOKS: Final = 2  # of which the first is taken whose time is known ...
+SURE: Final = 5e-4  # ... up to this, either way [s]
 AT_END: Final = 0.4  # so far from the end of the plan a motor is there [step]
 SETTLED: Final = 3  # periods in which all motors are there: the plan is done
 SETTLING: Final = 1.0  # that a motor may take to get there [s]

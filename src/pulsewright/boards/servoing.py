@@ -73,9 +73,11 @@ class ServoPlayer(Player):
         self.sleep = time.sleep
         self.worst = np.zeros(motors)
         self._switches, self._allowed = drives.switches, following_error
-        self._fastest = np.zeros(motors)
+        self._accelerations = np.asarray(drives.accelerations, np.float64)[:motors]
+        self._fastest, self._lag = np.zeros(motors), np.zeros(motors)  # [step/s], [step]
+        self._looked = 0.0  # time of the plan
         self._wanted, self._given = np.zeros(motors), np.zeros(motors)
-        self._origin = self._next = self._set_at = self._watched = 0  # cycles
+        self._origin = self._next = self._watched = 0  # cycles
         self._begun = self._finished = False
         self._settled = 0
 
@@ -139,8 +141,9 @@ class ServoPlayer(Player):
             self.driver.release_estop()
             self.driver.begin_plan(self)
         self._begun, now = True, self.driver.bus.now()
-        self._next = self._set_at = self._watched = now
+        self._next = self._watched = now
         self._origin = now + round(LEAD * self.driver.bus.clock_hz)
+        self._looked = self._time()
 
     def _play(self, until: float) -> None:
         if not self._begun:
@@ -173,7 +176,7 @@ class ServoPlayer(Player):
 
     def _period(self) -> float:
         """Wait for the next period; compare, set rates; return the time of the plan [s]."""
-        driver, bus = self.driver, self.driver.bus
+        driver = self.driver
         self._wait()
         driver.check_running()
         self._watch()
@@ -186,7 +189,6 @@ class ServoPlayer(Player):
         driver.check_running()  # a board that has stopped by itself is not started by new rates
         given = driver.set_step_rates(np.concatenate([asked, others]))
         self._wanted, self._given = asked, np.array(given[: len(asked)])
-        self._set_at = bus.now()
         if now > self.trajectory.duration:
             self._settle(now, error)
         return now
@@ -227,10 +229,13 @@ class ServoPlayer(Player):
             goal = np.floor(goal + 0.5)
         error = goal - place
         self.worst = np.maximum(self.worst, abs(error))
-        bus = self.driver.bus
-        late = max((bus.now() - self._set_at) / bus.clock_hz, 2 * PERIOD) + doubt
+        # rates were those of the last look all the time, and the loop takes time to make that good
+        since, self._looked = now - self._looked, now
+        late = max(since, 2 * PERIOD) + 2 * doubt
         speed = np.maximum(abs(self._given), abs(self.trajectory.at(now, 1)[0]))
-        bounds = self._allowed + ROUNDING + self._grain + late * speed
+        lag = late * speed + late * late * self._accelerations / 2
+        self._lag = np.maximum(lag, self._lag * math.exp(-GAIN / 2 * since))
+        bounds = self._allowed + ROUNDING + self._grain + self._lag
         if (abs(error) > bounds).any():
             self.driver.check_running()  # if it has stopped by itself, that is the cause
             check_positions(self.driver.registers.board, -error, bounds, self._cause)

@@ -25,6 +25,8 @@ from pulsewright.errors import (
     StarvedError,
 )
 
+pytestmark = pytest.mark.campaign  # many processes, in real time
+
 HOST = Path(__file__).with_name("moving_host.py")
 PATIENCE = 120  # until a host moves, or a board rests: compiling takes its time [s]
 TRIES = 5

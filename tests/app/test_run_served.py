@@ -61,6 +61,7 @@ def served(board, folder):
     return process, f"serial:{place}?baud=500000" if board == "s3g" else listen
 
 
+@pytest.mark.campaign  # in real time, which busy computers do not keep
 @pytest.mark.parametrize("board", TOLD)
 def test_a_program_on_a_served_board(board, program, tmp_path):
     options = "\n".join(f"{name} = {value}" for name, value in OPTIONS.get(board, {}).items())

@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 
 PERIOD: Final = 1e-3  # of the loop [s]
 LEAD: Final = 0.02  # from its begin to time 0 of the plan [s]
-GAIN: Final = (
-    100.0  # rate for an error of a step [1/s]: below 1 for the longest time without a rate
-)
+GAIN: Final = 100.0  # rate for an error of a step [1/s]; watchdogs end times near 1 / GAIN
 HEADROOM: Final = 1.25  # of a motor's rate, for corrections
 SLOWEST: Final = 1.0  # lower rates are none [step/s]
 LOOKS: Final = 2  # of which the first is taken whose time is known ...

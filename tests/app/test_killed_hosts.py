@@ -200,7 +200,7 @@ def test_step_rates(served):
 @pytest.mark.parametrize("served", ["rapcores"], indirect=True)
 def test_moves(served):
     for _ in range(3):
-        death, rest, period = served.kill("plan")
+        death, rest, _ = served.kill("plan")
         if death["executing"]:
             break
         served.control("reset")  # it was too busy to play just then
@@ -218,8 +218,8 @@ def test_moves(served):
     assert play_again(served) == [50, -30]
     served.process.__exit__()
     left = served.last_step(rest) - death["t"] / 1e9
-    # as many moves of four grid steps as it buffers, and one that may have been on its way
-    assert 0 < left < (16 + 1) * 4 * period
+    # as many moves of 20 ms as it buffers, and one that may have been on its way
+    assert 0 < left < (16 + 1) * 20e-3
 
 
 @pytest.mark.parametrize("served", ["s3g"], indirect=True)

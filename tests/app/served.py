@@ -46,6 +46,17 @@ def serving(board, **arguments):
         assert not thread.is_alive()
 
 
+@contextmanager
+def limited(process, seconds):
+    """Kill a process whose ``with`` block takes longer, so that nobody waits for it for ever."""
+    timer = threading.Timer(seconds, process.kill)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
 class Process:
     """A server in a process of its own.
 
@@ -53,17 +64,20 @@ class Process:
     ----------
     *arguments
         Those of ``pulsewright serve``.
+    patience : float
+        A server that is not ready after so long is killed, which fails the test [s].
     """
 
     _COMMAND = (sys.executable, "-c", "from pulsewright.app.cli import main; main()", "serve")
 
-    def __init__(self, *arguments):
+    def __init__(self, *arguments, patience=600):
         command = [*self._COMMAND, *map(str, arguments), "--json"]
         self._process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
-        assert self._process.stdout.readline() == "ready\n"
-        self.line = self._process.stderr.readline()
+        with limited(self._process, patience):
+            assert self._process.stdout.readline() == "ready\n"
+            self.line = self._process.stderr.readline()
 
     def __enter__(self):
         return self

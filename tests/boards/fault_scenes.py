@@ -17,7 +17,7 @@ from pulsewright.boards.playing import Drives
 from pulsewright.boards.watching import Feedback, LimitSwitches
 from pulsewright.edges.path import numbered_pins, step_signs
 from pulsewright.edges.timing import DriveTiming
-from pulsewright.errors import PulsewrightError, UsageError
+from pulsewright.errors import PositionUnknownError, PulsewrightError, UsageError
 from pulsewright.motion.trajectory import Trajectory
 from pulsewright.transport.faults import Faults
 
@@ -83,6 +83,7 @@ class Scene:
         self.pins = numbered_pins(MOTORS, self.room.positive_direction, *self.room.motor_pins)
         self.counts = np.zeros(MOTORS, np.int64)
         self.last = 0  # cycle of the last step
+        self.told = False  # a new host that the board was left in mid-move
         self.error = None
         self.drives = Drives(
             [5000.0] * MOTORS,
@@ -135,7 +136,12 @@ class Scene:
         numbers = self.room.numbers(self.options)  # of a new session, which knows of nothing
         self.driver = self.room.driver(self.driver.bus, self.room.default_profile, **numbers)
         self.player = self.room.player(self.driver, self.plan, self.drives)
-        self.player.prepare()
+        try:
+            self.player.prepare()
+        except PositionUnknownError:  # the board has told that it was left in mid-move
+            self.told = True
+            self.driver.reference()
+            self.player.prepare()
         self.player.play(math.inf)
         self.note()
         return (self.counts - before).tolist()

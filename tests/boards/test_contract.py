@@ -1,5 +1,6 @@
 """What every room owes to the floors above it."""
 
+import dataclasses
 import doctest
 import importlib
 import json
@@ -55,6 +56,37 @@ def test_an_unknown_board_is_answered_with_those_there_are():
 def test_a_link_that_cannot_be_opened_is_answered_with_those_that_can(link):
     with pytest.raises(UsageError, match=rf"link '{link}' .*usable are 'twin:'"):
         boards.open_board("usc", link)
+
+
+class Opened:
+    """A link that notes whether it is open."""
+
+    clock_hz, access_cycles, exact, in_real_time, closed = 40_000_000, 60, True, False, 0
+
+    def close(self):
+        self.closed += 1
+
+
+@each_board
+def test_a_board_that_cannot_be_opened_leaves_no_link_open(room, monkeypatch, tmp_path):
+    """The recording cannot be written, or the driver takes something amiss: the port is free."""
+    bus = Opened()
+    monkeypatch.setattr(boards.links, "open_bus", lambda *_: bus)
+    with pytest.raises(UsageError, match="cannot be written"):
+        boards.open_board(room.name, record=tmp_path / "none" / "session")
+    assert bus.closed == 1
+
+    def refuse(*_, **__):
+        raise UsageError("not with this link")
+
+    refused = dataclasses.replace(room, driver=refuse)
+    monkeypatch.setitem(boards.BOARDS, room.name, refused)
+    with pytest.raises(UsageError, match="not with this link"):
+        boards.open_board(room.name, record=tmp_path / "session")
+    assert bus.closed == 2
+    monkeypatch.setitem(boards.BOARDS, room.name, room)
+    boards.open_board(room.name)
+    assert bus.closed == 2
 
 
 def test_public_names_are_found_and_others_are_not():

@@ -36,6 +36,12 @@ def plays_again(scene):
     assert scene.play_again() == scene.end
 
 
+def tells_and_plays_again(scene):
+    """The board tells the next host that it was left in mid-move; then as above."""
+    plays_again(scene)
+    assert scene.told
+
+
 def steps_lost(scene):
     """The motor does not make 20 steps that the board gives: the drive has no power, say."""
     scene.counts[0] -= 20
@@ -207,7 +213,7 @@ PLUTO = (
         "6.51 ms",
         rtl=True,
     ),
-    Case("host process killed", killed, "", "", "6.51 ms", check=plays_again, rtl=True),
+    Case("host process killed", killed, "", "", "6.51 ms", check=tells_and_plays_again, rtl=True),
     Case(
         "board power-cycled",
         power_cycle,
@@ -432,7 +438,7 @@ S3G = (
         "500 ms",
         check=resumes,
     ),
-    Case("host process killed", killed, "", "", "500 ms", check=plays_again),
+    Case("host process killed", killed, "", "", "500 ms", check=tells_and_plays_again),
     Case("host process killed while a rate is set", killed_at_a_rate, "", "", "never"),
     Case(
         "board power-cycled",

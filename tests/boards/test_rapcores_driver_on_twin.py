@@ -26,6 +26,25 @@ def turn(board, encoder, counts, start, period=200):
         board.bus.twin.schedule(start + n * period, f"enc{encoder}_{pin}", levels[pin])
 
 
+@pytest.mark.parametrize("build", [{}, {"motors": 2, "word_bits": 32}, {"motor_driver": 1}])
+def test_accumulators_are_brought_to_whole_steps_wherever_they_are(build):
+    """With no steps in the end; a reset could not tell it from one that was never moved."""
+    board = running(**build)
+    one = board.one_step
+    parts = [one // 3, -one // 7, 0, 1][: board.motors]
+    board.move(1, parts)
+    board.wait_idle()
+    with pytest.raises(UsageError, match="needs motors that are disabled"):
+        board.level()
+    before = board.read_steps().tolist()
+    assert before == [0, -1, 0, 0][: board.motors]
+    board.initialise()
+    board.level()
+    assert board.bus.twin.state()["fraction"] == [0] * board.motors
+    assert board.read_steps().tolist() == before
+    board.check_counters()
+
+
 @pytest.mark.parametrize(
     "build",
     [

@@ -213,3 +213,55 @@ def test_extents_of_arcs_contain_every_point_and_no_more(plane, sweep):
     low, high = move_extents(arc)
     assert low[0] == pytest.approx(points.min(axis=0), abs=1e-6)
     assert high[0] == pytest.approx(points.max(axis=0), abs=1e-6)
+
+
+# ------------------------------------------------------------------- encoders and limit switches
+
+
+def test_encoders_and_switches_are_read():
+    machine = Machine.parse(
+        MINIMAL
+        + "[encoders]\ncounts_per_step = [4, -0.5]\nfollowing_error = 3\n"
+        + "[switches]\ninputs = [0, 14]\nactive = 0\n"
+    )
+    assert machine.encoders is not None
+    assert machine.encoders.counts_per_step == (4, -0.5)
+    assert machine.encoders.following_error == 3
+    assert machine.switches is not None
+    assert (machine.switches.inputs, machine.switches.active) == ((0, 14), 0)
+
+
+def test_encoders_and_switches_may_be_left_out_and_have_defaults():
+    machine = Machine.parse(MINIMAL)
+    assert (machine.encoders, machine.switches) == (None, None)
+    machine = Machine.parse(
+        MINIMAL + "[encoders]\ncounts_per_step = [1]\n[switches]\ninputs = [3]\n"
+    )
+    assert machine.encoders is not None
+    assert machine.encoders.following_error == 2
+    assert machine.switches is not None
+    assert machine.switches.active == 1  # a cut cable is a switch that is hit
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ("[encoders]", r"encoders\.counts_per_step"),
+        ("[encoders]\ncounts_per_step = []", r"encoders\.counts_per_step.*1"),
+        ("[encoders]\ncounts_per_step = [1, 0]", r"encoders\.counts_per_step.*0"),
+        ("[encoders]\ncounts_per_step = 4", r"encoders\.counts_per_step"),
+        ("[encoders]\ncounts_per_step = ['four']", r"encoders\.counts_per_step.*four"),
+        ("[encoders]\ncounts_per_step = [1]\nfollowing_error = 0", r"encoders\.following_error.*0"),
+        ("[encoders]\ncounts_per_step = [1]\ncounts = 1", r"encoders\.counts\b"),
+        ("[switches]", r"switches\.inputs"),
+        ("[switches]\ninputs = []", r"switches\.inputs"),
+        ("[switches]\ninputs = [-1]", r"switches\.inputs.*-1"),
+        ("[switches]\ninputs = [1.5]", r"switches\.inputs.*1\.5"),
+        ("[switches]\ninputs = [1]\nactive = 2", r"switches\.active.*2"),
+        ("[switches]\ninputs = [1]\nactive = true", r"switches\.active"),
+        ("[switches]\ninputs = [1]\npull_up = 1", r"switches\.pull_up"),
+    ],
+)
+def test_mistakes_in_encoders_and_switches_are_named(table, says):
+    with pytest.raises(MachineError, match=says):
+        Machine.parse(MINIMAL + table, "mill.toml")

@@ -18,6 +18,7 @@ class Bus:
     """All three kinds of bus at once; a call takes a cycle."""
 
     clock_hz, access_cycles, exact, twin = 1000, 3, False, "a twin"
+    in_real_time = True
 
     def __init__(self):
         self.time, self.closed = 40, 0
@@ -63,6 +64,7 @@ def test_every_call_is_kept_with_its_answer(tmp_path):
     epp.transact(accesses)
     assert accesses["value"].tolist() == [6, 7]
     assert (epp.access_cycles, epp.exact, epp.twin) == (3, False, "a twin")
+    assert epp.in_real_time
     epp.reset()
     epp.close()
     recording = Recording.load(path)

@@ -330,7 +330,8 @@ def _job_process(program: Path, folder: Path) -> None:
     if not result.passed:
         raise SystemExit(result.text())
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(result.job.duration, spent, result.verdict.steps, peak)
+    steps = 0 if result.verdict is None else result.verdict.steps
+    print(result.job.duration, spent, steps, peak)
 
 
 def motion() -> Figures:

@@ -21,7 +21,7 @@ from pulsewright.app.planning import (
     require_certificate,
 )
 from pulsewright.app.progress import Progress, silent
-from pulsewright.boards.playing import Drives
+from pulsewright.boards.playing import Drives, Player
 from pulsewright.boards.watching import Feedback, LimitSwitches
 from pulsewright.edges.path import numbered_pins
 from pulsewright.edges.timing import DriveTiming
@@ -38,7 +38,7 @@ from pulsewright.motion.plan import begin_times
 from pulsewright.motion.plan import plan as plan_moves
 from pulsewright.units import MICROSECOND
 from pulsewright.verify import Tolerances, Verifier
-from pulsewright.verify.verdict import Verdict
+from pulsewright.verify.verdict import Verdict, plain
 
 if TYPE_CHECKING:
     from pulsewright.motion.moves import Program
@@ -47,6 +47,13 @@ if TYPE_CHECKING:
 
 TRACE: Final = "trace.npz"
 CERTIFICATE: Final = "certificate.json"
+REPORT: Final = "report.json"
+UNSEEN: Final = (
+    "the path and its deviation from the program",
+    "following of the plan between the moments at which the board told",
+    "velocity and acceleration of the motors",
+    "pulse width, space, direction setup and hold at the pins, and steps lost behind them",
+)
 CHUNK: Final = 5.0  # machine time handled at once [s]: bounds the memory of a job of any length
 
 
@@ -174,7 +181,12 @@ class Job:
             hold=machine.drive.direction_hold_us * MICROSECOND,
         )
         with self._place_told(driver), driver:
-            recorder = _recorder(driver, link or machine.link.url)
+            recorder = getattr(driver.bus, "twin", None)
+            if recorder is None and vcd:
+                raise UsageError(
+                    f"link '{link or machine.link.url}' does not record step edges, which "
+                    f"trace.vcd holds; leave it out, or use twin:"
+                )
             held = AxisLimits(rows @ np.linalg.pinv(matrix), acceleration, machine.jerk_limits())
             player = room.player(
                 driver,
@@ -186,6 +198,10 @@ class Job:
             )
             with self.clock.stage("convert and run"):
                 player.prepare()
+            switched = driver if room.digital_outputs else None
+            outputs = _Outputs(switched, machine, self.program, self.trajectory)
+            if recorder is None:
+                return self._run_unseen(driver, player, outputs, out, progress)
             verifier = Verifier(
                 trajectory=self.trajectory,
                 moves=self.program.moves,
@@ -197,8 +213,6 @@ class Job:
                 start_cycle=player.start_cycle,
                 tolerances=Tolerances(settle=2 * player.update),
             )
-            switched = driver if room.digital_outputs else None
-            outputs = _Outputs(switched, machine, self.program, self.trajectory)
             prepared = recorder.drain()
             verifier.feed(prepared)
             with _folder(out) as folder, _trace_file(folder, prepared) as keep:
@@ -223,12 +237,43 @@ class Job:
             1 / player.update,
             folder,
             outputs.not_switched,
+            player.evidence,
         )
         if folder is not None:
             with self.clock.stage("write"):
                 progress("report", 0.0)
                 result.write(folder, vcd=vcd)
                 progress("report", 1.0)
+        return result
+
+    def _run_unseen(
+        self,
+        driver: Any,
+        player: Player,
+        outputs: _Outputs,
+        out: Path | str | None,
+        progress: Progress,
+    ) -> Result:
+        """Run on a board whose pins nobody sees: what it tells by itself is all there is."""
+        with _folder(out) as folder:
+            for until in _portions(self.duration, outputs.times):
+                with self.clock.stage("convert and run"):
+                    player.play(until)
+                    outputs.switch(until)
+                progress("run", min(until / max(self.duration, 1e-9), 1.0))
+            result = Result(
+                self,
+                driver.registers.board,
+                driver.profile,
+                None,
+                1 / player.update,
+                folder,
+                outputs.not_switched,
+                player.evidence,
+            )
+            if folder is not None:
+                with self.clock.stage("write"):
+                    result.write(folder)
         return result
 
     @contextmanager
@@ -286,33 +331,42 @@ class Job:
 
 @dataclass(frozen=True)
 class Result:
-    """A job that has run, and what its step edges say.
+    """A job that has run, and what its step edges say, or at least the board.
 
     Parameters
     ----------
     job : Job
     board, profile : str
-    verdict : Verdict
+    verdict : Verdict or None
+        None on links that show no step edges: see `evidence`.
     update_rate : float
         How often the board got new commands [Hz].
     folder : Path or None
         Where the reports are.
     not_switched : tuple of str
         What the program switches and the machine wires, but the board has no outputs for.
+    evidence : tuple of str
+        What the board told, and was as it should be. Anything else would have been an error.
     """
 
     job: Job
     board: str
     profile: str
-    verdict: Verdict
+    verdict: Verdict | None
     update_rate: float
     folder: Path | None
     not_switched: tuple[str, ...] = ()
+    evidence: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
-        """Whether every check passed."""
-        return self.verdict.passed
+        """Whether every check passed; without step edges, whether the board told nothing amiss."""
+        return self.verdict is None or self.verdict.passed
+
+    @property
+    def not_verified(self) -> tuple[str, ...]:
+        """What nobody has seen."""
+        return UNSEEN if self.verdict is None else ()
 
     @property
     def real_time_ratio(self) -> float:
@@ -323,16 +377,21 @@ class Result:
     def write(self, folder: Path, *, vcd: bool = False) -> None:
         """Write the report and certificate.json beside trace.npz, and trace.vcd if asked.
 
-        The report is report.json, report.html and path.png.
+        The report is report.json, report.html and path.png; without step edges report.json alone.
         """
+        job = self.job
+        with replacing(folder / CERTIFICATE) as temporary:
+            temporary.write_text(json.dumps(job.certificate.to_json(), indent=2) + "\n")
+        if self.verdict is None:
+            with replacing(folder / REPORT) as temporary:
+                content = {"passed": self.passed, **plain(self.context())}
+                temporary.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
+            return
         from pulsewright.app.plan_view import PlanView
         from pulsewright.app.report import write_report
 
-        job = self.job
         plan = PlanView(job.trajectory, job.program.moves, job.machine)
         write_report(self.verdict, self.context(), folder, plan=plan)
-        with replacing(folder / CERTIFICATE) as temporary:
-            temporary.write_text(json.dumps(self.job.certificate.to_json(), indent=2) + "\n")
         if vcd:
             from pulsewright.edges.vcd import write_vcd
 
@@ -348,22 +407,31 @@ class Result:
             "update_rate": self.update_rate,
             "real_time_ratio": self.real_time_ratio,
             "not_switched": list(self.not_switched),
-        }
+        } | (
+            {}
+            if self.verdict is not None
+            else {"verified": list(self.evidence), "not_verified": list(self.not_verified)}
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return everything but the path in plain types."""
         files = sorted(str(path) for path in self.folder.iterdir()) if self.folder else []
-        return {**self.context(), "files": files, "verdict": self.verdict.to_json()}
+        verdict = None if self.verdict is None else self.verdict.to_json()
+        return {**self.context(), "passed": self.passed, "files": files, "verdict": verdict}
 
     def text(self) -> str:
         """Return the result for people: each check, its worst value and its bound."""
         verdict = self.verdict
+        steps = "" if verdict is None else f"{verdict.steps} steps, "
         lines = [
             f"{self.job.program.path} on {self.board} ({self.profile}): "
-            f"{clock_time(self.job.duration)} of machine time, {verdict.steps} steps, "
+            f"{clock_time(self.job.duration)} of machine time, {steps}"
             f"{self.job.clock.total:.1f} s of CPU"
         ]
-        for check in verdict.checks:
+        if verdict is None:
+            lines += [f"  ok   {what}" for what in self.evidence]
+            lines += [f"  not verified: {what}" for what in self.not_verified]
+        for check in () if verdict is None else verdict.checks:
             worst = "-" if check.worst is None else f"{check.worst:.4g}"
             sign = "<=" if check.limit == "most" else ">="
             place = f"  line {check.line}" if check.line else ""
@@ -377,6 +445,11 @@ class Result:
                 f"  note {self.board} has no digital outputs: the program's "
                 f"{', '.join(self.not_switched)} was not switched"
             )
+        if verdict is None:
+            lines.append("PLAYED; this link shows no step edges to verify")
+            if self.folder:
+                lines.append(f"report: {self.folder / REPORT}")
+            return "\n".join(lines)
         lines.append("PASSED" if self.passed else "FAILED")
         if self.folder:
             lines.append(f"report: {self.folder / 'report.html'}")
@@ -457,16 +530,6 @@ def _watched(machine: Machine | None) -> dict[str, Any]:
     if machine is not None and machine.switches is not None:
         watched["switches"] = LimitSwitches(machine.switches.inputs, machine.switches.active)
     return watched
-
-
-def _recorder(driver: Any, link: str) -> Any:
-    """Return what records the pins behind a driver's link."""
-    twin = getattr(driver.bus, "twin", None)
-    if twin is None:
-        raise UsageError(
-            f"link '{link}' does not record step edges, so nothing can be verified; use twin:"
-        )
-    return twin
 
 
 def _portions(duration: float, stops: Sequence[float]) -> Iterator[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Final, Literal, overload
 
 from pulsewright.boards import links, pluto_step, rapcores, s3g, usc
@@ -136,13 +137,19 @@ def open_board(
     if baud := links.bit_rate(board, link):
         numbers = {"baud1": baud} | numbers
     bus: Any = links.open_bus(board, link, profile, numbers)
-    if faults is not None:
-        from pulsewright.transport.faults import faulty
+    with ExitStack() as failed:
+        failed.callback(bus.close)
+        if faults is not None:
+            from pulsewright.transport.faults import faulty
 
-        bus = faulty(board.bus, bus, faults)
-    if record is not None:
-        from pulsewright.transport.recording import Recorder, recorded
+            bus = faulty(board.bus, bus, faults)
+        if record is not None:
+            from pulsewright.transport.recording import Recorder, recorded
 
-        opened = {"board": name, "profile": profile, "options": numbers, "link": link}
-        bus = recorded(board.bus, bus, Recorder(record, opened | {"clock_hz": bus.clock_hz}))
-    return board.driver(bus, profile, **numbers)
+            opened = {"board": name, "profile": profile, "options": numbers, "link": link}
+            recorder = Recorder(record, opened | {"clock_hz": bus.clock_hz})
+            failed.callback(recorder.close)
+            bus = recorded(board.bus, bus, recorder)
+        driver = board.driver(bus, profile, **numbers)
+        failed.pop_all()
+    return driver

@@ -108,10 +108,10 @@ class Player(ABC):
             If there is no such board, the link fails, or emergency stop is not left.
         """
         self.driver.require_position()
-        self._prepare()
-        self.driver.require_position()  # that may have halted something
         # what a stop needs is compiled now, and not when it is urgent
         hold(self.trajectory, self.trajectory.duration / 2, self.limits)
+        self._prepare()
+        self.driver.require_position()  # that may have halted something
         self.driver.begin_plan(self)
 
     def play(self, until: float) -> None:
@@ -196,6 +196,11 @@ class Player(ABC):
     @abstractmethod
     def done(self) -> bool:
         """Whether the whole plan has been played."""
+
+    @property
+    @abstractmethod
+    def evidence(self) -> tuple[str, ...]:
+        """What has been compared with the plan without error, by what the board tells."""
 
     @abstractmethod
     def _prepare(self) -> None:
@@ -345,8 +350,9 @@ class UpdatePlayer(Player, Generic[U]):
             raise UsageError(
                 f"{self.driver.registers.board}: this link carries out commands when the host gets "
                 f"to them, not at their clock cycle, and a plan would lose its place by the "
-                f"difference; step rates can be set on it, plans are played on simulated boards, "
-                f"served ones, and boards that buffer motion"
+                f"difference; with encoders on all motors (a machine file's [encoders]) it is "
+                f"played in closed loop, and without them on links that keep times: simulated and "
+                f"served boards"
             )
         super().prepare()
 
@@ -371,6 +377,14 @@ class UpdatePlayer(Player, Generic[U]):
     def done(self) -> bool:
         """Whether the whole plan has been sent."""
         return self.converter.done
+
+    @property
+    def evidence(self) -> tuple[str, ...]:
+        """What has been compared with the plan without error, by what the board tells."""
+        ran = "the board was not stopped on the way"
+        if self._off() is None:
+            return (ran,)
+        return (ran, "positions that the board tells, now and then, and at the end of the plan")
 
     def _play(self, until: float) -> None:
         left = self.converter.updates_until(until)

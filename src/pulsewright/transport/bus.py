@@ -79,6 +79,7 @@ class EppBus(Protocol):
 
     clock_hz: int  # unit of ``EPP_ACCESS.cycle`` [Hz]
     access_cycles: int  # time one access takes [cycle]
+    in_real_time: bool = False  # time is that of the host's clock, and it may be late
     exact: bool = True  # accesses act at the very cycles they ask for, if the host is not late
 
     @abstractmethod

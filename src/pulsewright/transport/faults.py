@@ -356,6 +356,7 @@ class FaultyEppBus(_Faulty, EppBus):
     def __init__(self, bus: EppBus, faults: Faults) -> None:
         super().__init__(bus, faults)
         self.access_cycles, self.exact = bus.access_cycles, bus.exact
+        self.in_real_time = bus.in_real_time
 
     def transact(self, accesses: NDArray[np.void]) -> None:
         """Carry out accesses as far as the faults let them; see `EppBus.transact`.

@@ -76,6 +76,8 @@ class ParportEppBus(EppBus):
         If there is no such port, it is not ours to open, another driver has it, or it has no EPP.
     """
 
+    in_real_time = True
+
     def __init__(self, path: str, clock_hz: int) -> None:
         self.clock_hz, self._path = clock_hz, path
         self.exact = False  # the system and the port take their time

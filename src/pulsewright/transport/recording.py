@@ -211,6 +211,7 @@ class RecordedEppBus(_Recorded, EppBus):
     def __init__(self, bus: EppBus, recorder: Recorder) -> None:
         super().__init__(bus, recorder)
         self.access_cycles, self.exact = bus.access_cycles, bus.exact
+        self.in_real_time = bus.in_real_time
 
     def transact(self, accesses: NDArray[np.void]) -> None:
         """Carry out accesses; see `EppBus`."""

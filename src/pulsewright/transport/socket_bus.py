@@ -111,6 +111,8 @@ class SocketEppBus(EppBus):
         If that is no address, or nobody listens there.
     """
 
+    in_real_time = True
+
     def __init__(self, address: str, clock_hz: int) -> None:
         self.clock_hz = clock_hz
         self.access_cycles = -(-ACCESS_NS * clock_hz // 1_000_000_000)

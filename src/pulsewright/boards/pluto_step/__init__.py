@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pulsewright.boards.playing import Drives
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
     from pulsewright.boards.pluto_step.gateware import PlutoStep
-    from pulsewright.boards.pluto_step.player import PlutoStepPlayer
+    from pulsewright.boards.pluto_step.player import PlutoStepPlayer, PlutoStepServo
     from pulsewright.boards.pluto_step.twin import PlutoStepTwin
     from pulsewright.boards.rtl_board import RtlEppBoard
     from pulsewright.motion.trajectory import Trajectory
@@ -62,10 +62,12 @@ def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> Plu
     return PlutoStepDriver(bus, profile=profile, **switches)
 
 
-def _player(driver: PlutoStepDriver, trajectory: Trajectory, drives: Drives) -> PlutoStepPlayer:
-    from pulsewright.boards.pluto_step.player import PlutoStepPlayer
+def _player(
+    driver: PlutoStepDriver, trajectory: Trajectory, drives: Drives
+) -> PlutoStepPlayer | PlutoStepServo:
+    from pulsewright.boards.pluto_step.player import player
 
-    return PlutoStepPlayer(driver, trajectory, drives)
+    return player(driver, trajectory, drives)
 
 
 def _recordings() -> Recordings[Any]:

@@ -147,7 +147,8 @@ class PlutoStepDriver(Driver[EppBus]):
     ) -> None:
         """Bring the board from any state to a known one: axes at rest, outputs off.
 
-        The positions become 0. A watchdog that was enabled before is fed no more.
+        The positions become 0. They are unknown if another program has left axes moving, as one
+        does that is killed. A watchdog that was enabled before is fed no more.
 
         Parameters
         ----------
@@ -164,6 +165,8 @@ class PlutoStepDriver(Driver[EppBus]):
         RegisterValueError
             If ``max_rate`` cannot be reached with these times.
         """
+        if not self._velocity.any() and (self._raw_positions() != self._raw_positions()).any():
+            self.lose_position()  # another program has left axes moving, with or without pins
         self._halting(max(map(abs, self.step_rates())))
         self._live = self._lapsed = False
         self._velocity[:] = 0

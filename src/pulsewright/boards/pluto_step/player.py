@@ -9,17 +9,58 @@ from numpy.typing import NDArray
 
 from pulsewright.boards.playing import Drives, UpdatePlayer
 from pulsewright.boards.pluto_step import registers as reg
+from pulsewright.boards.pluto_step.burst import AXES
 from pulsewright.boards.pluto_step.commands import Converter, PulseTiming, Updates
 from pulsewright.boards.pluto_step.limits import units_per_step
+from pulsewright.boards.servoing import ServoPlayer
 from pulsewright.boards.watching import require_encoders, require_inputs
 from pulsewright.errors import MotionLimitError, RegisterValueError
 
 if TYPE_CHECKING:
     from pulsewright.boards.pluto_step.driver import PlutoStepDriver
+    from pulsewright.edges.timing import DriveTiming
     from pulsewright.motion.trajectory import Trajectory
 
 INPUTS: Final = reg.R_INPUTS_INPUTS_MASK.bit_count()
 LEAD: Final = 625  # from the end of preparation to the first update [tick]
+BLAME: Final = "bytes on the way to the board were spoilt, or something else has moved it"
+TOLERANCE: Final = 0.5  # of positions in closed loop, beside what a late host explains [step]
+
+
+def player(
+    driver: PlutoStepDriver, trajectory: Trajectory, drives: Drives
+) -> PlutoStepPlayer | PlutoStepServo:
+    """Return what plays motor positions on a board: in closed loop, where the host may be late."""
+    if driver.bus.in_real_time:
+        return PlutoStepServo(driver, trajectory, drives)
+    return PlutoStepPlayer(driver, trajectory, drives)
+
+
+def _initialise(driver: PlutoStepDriver, timing: DriveTiming, rate: float) -> None:
+    """Bring the board from any state to rest, with the times of the drives.
+
+    Raises
+    ------
+    MotionLimitError
+        If it cannot make ``rate`` with them [step/s].
+    RegisterValueError
+        If it cannot make one of them.
+    """
+    try:
+        driver.initialise(
+            step_time=timing.width,
+            step_space=timing.space,
+            # the hold time counts from the active edge; the board waits from the other one on
+            direction_time=max(timing.setup, timing.hold - timing.width),
+            max_rate=rate,
+        )
+    except RegisterValueError as error:
+        raise MotionLimitError(str(error)) from error
+    for what, (asked, real) in driver.clamped.items():
+        raise RegisterValueError(
+            f"pluto_step: the drive asks for a {what} of {asked * 1e6:g} us, the most the board "
+            f"can do is {real * 1e6:g} us"
+        )
 
 
 class PlutoStepPlayer(UpdatePlayer[Updates]):
@@ -44,28 +85,13 @@ class PlutoStepPlayer(UpdatePlayer[Updates]):
         require_inputs("pluto_step", drives.switches, INPUTS)
         require_encoders("pluto_step", drives.feedback, 0)
         self.rate, self.acceleration = max(drives.rates), max(drives.accelerations)
-        timing = drives.timing
-        self.pulse_width, self.pulse_space = timing.width, timing.space
-        # the hold time counts from the active edge; the board waits from the other one on
-        self.direction_time = max(timing.setup, timing.hold - timing.width)
+        self._timing = drives.timing
 
     def _prepare(self) -> None:
         """Bring the board from any state to rest, with its watchdog on."""
         driver = self.driver
-        try:
-            driver.initialise(
-                step_time=self.pulse_width,
-                step_space=self.pulse_space,
-                direction_time=self.direction_time,
-                max_rate=self.rate,
-            )
-        except RegisterValueError as error:
-            raise MotionLimitError(str(error)) from error
-        for what, (asked, real) in driver.clamped.items():
-            raise RegisterValueError(
-                f"pluto_step: the drive asks for a {what} of {asked * 1e6:g} us, the most the "
-                f"board can do is {real * 1e6:g} us"
-            )
+        _initialise(driver, self._timing, self.rate)
+        driver.require_position()  # the board may just have told that it is unknown
         timing = PulseTiming(
             step=driver.step_ticks,
             space=driver.space_ticks,
@@ -91,3 +117,31 @@ class PlutoStepPlayer(UpdatePlayer[Updates]):
         commanded = self._units[:motors] + converter.units - self._begin
         off = (self.driver.read_units()[:motors] - commanded + span // 2) % span - span // 2
         return np.asarray(off / units_per_step(self.driver.tap))
+
+
+class PlutoStepServo(ServoPlayer):
+    """Play motor positions on a pluto-step board in closed loop with its position registers.
+
+    Parameters as `PlutoStepPlayer`.
+    """
+
+    _cause = BLAME
+
+    def __init__(self, driver: PlutoStepDriver, trajectory: Trajectory, drives: Drives) -> None:
+        super().__init__(driver, trajectory, drives, TOLERANCE)
+        require_inputs("pluto_step", drives.switches, INPUTS)
+        require_encoders("pluto_step", drives.feedback, 0)
+        if trajectory.axes > AXES:
+            raise MotionLimitError(
+                f"pluto_step: the plan has {trajectory.axes} motors, one board drives {AXES}"
+            )
+        self._timing, self._zero = drives.timing, np.zeros(trajectory.axes)
+
+    def _start(self) -> float:
+        _initialise(self.driver, self._timing, float(self.rates.max()))
+        # a whole step is in the middle between two crossings
+        self._zero = np.floor(self.trajectory.at(0.0)[0] + 0.5) - 0.5
+        return float(self.driver.max_step_rate())
+
+    def _place(self) -> NDArray[np.float64]:
+        return np.asarray(self._zero + self.driver.read_positions()[: len(self._zero)])

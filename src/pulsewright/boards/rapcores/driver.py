@@ -313,7 +313,8 @@ class RapcoresDriver(Driver[SpiBus]):
         """Bring the board from any state to a known one: at rest, without moves, motors disabled.
 
         No counter or fault is left from before; currents are 0, and disabled motors coast.
-        Positions of motors and encoders go on. Profiles `upstream` and `v020` cannot drop the moves
+        Positions of motors and encoders go on; where the motors are is unknown if the board had
+        moves of another program. Profiles `upstream` and `v020` cannot drop the moves
         that they have.
 
         Parameters
@@ -338,6 +339,8 @@ class RapcoresDriver(Driver[SpiBus]):
             self._counts[:] = self._steps[:] = 0
         self.identify()
         if self.profile == "document":
+            if not self._moving() and self._buffer().used:  # moves of a host that is gone
+                self.lose_position()
             self.halt()
         self.enable(0)
         self._write_divider(divider)
@@ -953,6 +956,36 @@ class RapcoresDriver(Driver[SpiBus]):
         raw = self._read_all(*reg.R_STEP_POSITION[: self.motors])
         self._steps = _extended(self._steps, np.array(raw), 32)
         return self._steps.copy()
+
+    def level(self) -> None:
+        """Bring the accumulators of all motors to whole steps, as after reset; `document` only.
+
+        They cannot be read: how far each is beyond its last step is found bit by bit, by moves of a
+        tick that look for that step. Step pins may go to and fro by one, and end where they were.
+
+        Raises
+        ------
+        UsageError
+            If motors are enabled, which would make these steps.
+        """
+        self._require_document("level")
+        if self._enabled:
+            raise UsageError("rapcores: level() needs motors that are disabled; call estop() first")
+        at, beyond = self.read_steps(), [0] * self.motors
+        moved = beyond
+        for bit in reversed(range(self.codec.one_step.bit_length() - 1)):
+            tried = [low + (1 << bit) for low in beyond]
+            self._nudge([there - here for there, here in zip(moved, tried, strict=True)])
+            moved, kept = tried, self.read_steps() == at
+            beyond = [
+                high if fits else low for high, low, fits in zip(tried, beyond, kept, strict=True)
+            ]
+        self._nudge([there - here for there, here in zip(moved, beyond, strict=True)])
+
+    def _nudge(self, increments: Sequence[int]) -> None:
+        """Make a move of a tick with disabled motors."""
+        self.bus.transfer(self.codec.move(1, increments, [0] * self.motors, 0))
+        self.wait_idle()
 
     def read_encoders(self) -> NDArray[np.int64]:
         """Return the position of each encoder, extended beyond its bits [count].

@@ -170,8 +170,8 @@ class RapcoresPlayer(Player):
     def _prepare(self) -> None:
         """Bring the board from any state to rest, and start; the plan's time 0 is `LEAD` later.
 
-        The board is reset, if the link can do that. Otherwise its accumulators must be at whole
-        steps, as they are after power-up and after a job that was played to its end.
+        The board is reset, if the link can do that. Otherwise its accumulators are brought to whole
+        steps, wherever another program has left them.
         """
         driver, bus, motors = self.driver, self.driver.bus, self.trajectory.axes
         if driver.profile != "document":
@@ -184,11 +184,13 @@ class RapcoresPlayer(Player):
                 f"rapcores: the plan has {motors} motors, the board has {driver.motors}"
             )
         self._initialise()
+        driver.require_position()  # the board may just have told that it is unknown
         timing, rate = PulseTiming(**asdict(driver.timing)), max(self.rates)
         tick, read = tick_period(timing, rate), self._measure()
         message = read * (1 + driver.motors + 2)
+        carried = min(message, self._measure_message())  # links in real time take it at once
         ticks = grid_ticks(
-            timing, tick=tick, message_cycles=message, acceleration=max(self.accelerations)
+            timing, tick=tick, message_cycles=carried, acceleration=max(self.accelerations)
         )
         driver.release_estop()
         # with a tick in every clock the divider's counter stays 0; so its phase is known afterwards
@@ -247,6 +249,16 @@ class RapcoresPlayer(Player):
     def done(self) -> bool:
         """Whether the whole plan has been made."""
         return self._job is not None and self._job.finished
+
+    @property
+    def evidence(self) -> tuple[str, ...]:
+        """What has been compared with the plan without error, by what the board tells."""
+        counted = (
+            "counters of the board: all moves made, none refused, no message damaged, no step lost",
+            "steps that the board has made, at the end of the plan",
+        )
+        encoders = "encoders, now and then, and at the end of the plan"
+        return counted if self._feedback is None else (*counted, encoders)
 
     @property
     def told(self) -> Told | None:
@@ -313,12 +325,13 @@ class RapcoresPlayer(Player):
         return self._job
 
     def _initialise(self) -> None:
-        """Set the board's times; reset it before, if the link can."""
+        """Set the board's times, and its accumulators to whole steps: by a reset, if possible."""
         try:
             try:
                 self.driver.initialise(**self._times, reset=True)
             except UsageError:  # no such pin on this link
                 self.driver.initialise(**self._times)
+                self.driver.level()
         except RegisterValueError as error:
             raise MotionLimitError(str(error)) from error
 
@@ -328,6 +341,16 @@ class RapcoresPlayer(Player):
         for _ in range(3):
             start = bus.now()
             self.driver.steps_lost()
+            longest = max(longest, bus.now() - start)
+        return longest
+
+    def _measure_message(self) -> int:
+        """Return how long a frame takes that is as long as a move and a question [clock]."""
+        bus, codec, longest = self.driver.bus, self.driver.codec, 0
+        frame = codec.nop() * (codec.move_words + 4)
+        for _ in range(3):
+            start = bus.now()
+            bus.transfer(frame)
             longest = max(longest, bus.now() - start)
         return longest
 
@@ -589,14 +612,16 @@ class _Job:
         position, fraction = self.accumulators
         self._append(Moves(np.array([lead], np.uint32), none, none, position[None], fraction[None]))
         frame, duration, *_ = self._waiting.popleft()
+        more = self.waiting  # what comes next is converted before time counts
         self._bus.transfer(frame)
         self._open.append((duration, -lead, self.accumulators))
         self._sent = self._used = 1
         loaded = _sent_at(self._bus) + ACTS
         first_tick = loaded + 1 + (pace.phase - loaded - 1) % pace.tick
         self._origin = first_tick + lead * pace.tick
-        while self.waiting and not self.full:
+        while more and not self.full:
             self.send()
+            more = self.waiting
         return self.converter.start_cycle(first_tick + lead * pace.tick)
 
     def _append(self, moves: Moves) -> None:

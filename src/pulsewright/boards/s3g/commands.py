@@ -39,6 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from pulsewright.boards.s3g import registers as reg
 from pulsewright.boards.s3g.pulses import PulseTiming
 from pulsewright.boards.s3g.words import (
+    FINISHED,
     NEXT_LOAD,
     RATE_UNIT,
     SET_POSITION,
@@ -63,9 +64,6 @@ LONGEST: Final = 8  # grid steps of a load, a power of 2
 STEPS: Final = reg.W_ASG_CONTROL_STEPS_LIMIT_MASK | reg.W_ASG_CONTROL_RESET_STEPS_MASK
 RESET_DT: Final = reg.W_ASG_CONTROL_RESET_DT_MASK
 DT_LIMIT: Final = reg.W_ASG_CONTROL_DT_LIMIT_MASK
-
-DRY: Final = 0x01  # error code of the end of what is written so far
-FINISHED: Final = 0x03  # and of the end of the plan
 
 
 def max_rate(timing: PulseTiming) -> float:

@@ -22,7 +22,7 @@ from pulsewright.boards.s3g import packets
 from pulsewright.boards.s3g import registers as reg
 from pulsewright.boards.s3g.program import Program
 from pulsewright.boards.s3g.pulses import PulseTiming
-from pulsewright.boards.s3g.words import RATE_UNIT, SET_VELOCITY, load_control
+from pulsewright.boards.s3g.words import DRY, RATE_UNIT, SET_VELOCITY, load_control
 from pulsewright.errors import (
     BusError,
     BusTimeoutError,
@@ -197,7 +197,8 @@ class S3GDriver(Driver[SerialBus]):
     ) -> None:
         """Bring the board from any state to a known one: at rest, motors and outputs off.
 
-        A program that runs is ended, no interrupt is pending or reported.
+        A program that runs is ended; no interrupt is pending or reported. The position is unknown
+        then, and where the plan of another program ran out before its end.
 
         Parameters
         ----------
@@ -206,6 +207,9 @@ class S3GDriver(Driver[SerialBus]):
         """
         timing = _timing(pulse_width, pulse_space, direction_setup, direction_hold)
         self._halting(max(map(abs, self.step_rates())))
+        fresh, status = not self._touched, self.status()
+        if status.busy or (fresh and status.error == DRY):
+            self.lose_position()  # a plan that was not played to its end
         self.abort_program()
         self.mask_interrupts(0)
         self._enabled = self._outputs = 0

@@ -12,7 +12,6 @@ from pulsewright.boards.driving import Stop
 from pulsewright.boards.playing import Drives, Player
 from pulsewright.boards.s3g import registers as reg
 from pulsewright.boards.s3g.commands import (
-    FINISHED,
     LOAD_DELAY,
     Abort,
     Converter,
@@ -22,6 +21,7 @@ from pulsewright.boards.s3g.commands import (
 )
 from pulsewright.boards.s3g.packets import MAX_WORDS
 from pulsewright.boards.s3g.ring import DONE, PORTION, ProgramRing
+from pulsewright.boards.s3g.words import FINISHED
 from pulsewright.boards.watching import require_encoders, require_inputs
 from pulsewright.errors import (
     BusError,
@@ -42,6 +42,7 @@ CONVERTED: Final = 4096  # grid steps at once
 AHEAD: Final = 0.04  # of what is written, kept when the plan is left, beside some packets [s]
 PACKETS: Final = 6  # those
 NAP: Final = 0.05  # longest wait without a look at signals [s]
+MEASURED: Final = 3  # packets, to learn how long they take
 REFILL: Final = 8  # packets that should fit when a full memory is looked at again
 
 
@@ -98,6 +99,7 @@ class S3GPlayer(Player):
             driver.initialise(**self._times)
         except RegisterValueError as error:
             raise MotionLimitError(str(error)) from error
+        driver.require_position()  # the board may just have told that it is unknown
         packet = self._measure()
         self._grid = grid_step(
             driver.timing,
@@ -151,6 +153,14 @@ class S3GPlayer(Player):
     def done(self) -> bool:
         """Whether the whole plan has been made."""
         return self._playing.ring.ended == FINISHED
+
+    @property
+    def evidence(self) -> tuple[str, ...]:
+        """What has been compared with the plan without error, by what the board tells."""
+        return (
+            "answers of the board to all packets",
+            "its word that its program ended where the plan does, and not for want of motion",
+        )
 
     def _play(self, until: float) -> None:
         """Stream the plan, and return when the board is at ``until`` [s].
@@ -216,13 +226,17 @@ class S3GPlayer(Player):
         return self._job
 
     def _measure(self) -> int:
-        """Return how long a full packet takes on this link, with its reply [clock]."""
-        bus, longest = self.driver.bus, 0
-        for _ in range(3):
+        """Return how long a full packet takes on this link as a rule, with its reply [clock].
+
+        Program memory is deep enough for a few that take longer.
+        """
+        bus = self.driver.bus
+        taken: list[int] = []
+        for _ in range(MEASURED):
             start = bus.now()
             self.driver.write_words(0, [DONE] * MAX_WORDS)
-            longest = max(longest, bus.now() - start)
-        return longest
+            taken.append(bus.now() - start)
+        return sorted(taken)[MEASURED // 2]
 
     def _begin(self, position: NDArray[np.int64] | None) -> None:
         """Fill program memory and start; without a position the board is told where it is."""

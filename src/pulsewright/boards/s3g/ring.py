@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from pulsewright.boards.s3g import registers as reg
-from pulsewright.boards.s3g.commands import DRY, FINISHED, Segments, Words
+from pulsewright.boards.s3g.commands import Segments, Words
 from pulsewright.boards.s3g.packets import MAX_WORDS
-from pulsewright.boards.s3g.words import control
+from pulsewright.boards.s3g.words import DRY, FINISHED, control
 from pulsewright.errors import BusError
 
 if TYPE_CHECKING:

@@ -10,6 +10,10 @@ ASG_DONE: Final = 1 << reg.INT_ASG_DONE
 VALUE: Final = 0xFFFF_FFFF
 RATE_UNIT: Final = reg.CLOCK_HZ / reg.STEP_UNITS  # one unit of velocity [step/s]
 
+# Error codes with which plans end: where no more is written so far, and at their end.
+DRY: Final = 0x01
+FINISHED: Final = 0x03
+
 # What a load sets of a channel.
 SET_VELOCITY: Final = 1 << reg.SET_V
 SET_PROFILE: Final = SET_VELOCITY | 1 << reg.SET_A | 1 << reg.SET_J | 1 << reg.SET_JJ

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pulsewright.boards.rtl_board import RtlEppBoard
     from pulsewright.boards.usc.driver import UscDriver
     from pulsewright.boards.usc.gateware import Usc
-    from pulsewright.boards.usc.player import UscPlayer
+    from pulsewright.boards.usc.player import UscPlayer, UscServo
     from pulsewright.boards.usc.twin import UscTwin
     from pulsewright.motion.trajectory import Trajectory
     from pulsewright.registers.model import RegisterMap
@@ -59,10 +59,10 @@ def _driver(bus: EppBus, profile: str = DEFAULT_PROFILE, **switches: int) -> Usc
     return UscDriver(bus, profile=profile, **switches)
 
 
-def _player(driver: UscDriver, trajectory: Trajectory, drives: Drives) -> UscPlayer:
-    from pulsewright.boards.usc.player import UscPlayer
+def _player(driver: UscDriver, trajectory: Trajectory, drives: Drives) -> UscPlayer | UscServo:
+    from pulsewright.boards.usc.player import player
 
-    return UscPlayer(driver, trajectory, drives)
+    return player(driver, trajectory, drives)
 
 
 BOARD: Final = Board(

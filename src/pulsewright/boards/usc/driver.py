@@ -239,7 +239,8 @@ class UscDriver(Driver[EppBus]):
         """Bring the board from any state to a safe, known one.
 
         In emergency stop, axes halted with direction positive, outputs and DAC off, encoder counts
-        zero, latch timer off, no index armed.
+        zero, latch timer off, no index armed. The position is unknown if another program has left
+        it out of emergency stop.
 
         Parameters
         ----------
@@ -250,6 +251,8 @@ class UscDriver(Driver[EppBus]):
         """
         self.identify()
         self._halting(self._fastest())
+        if not self._outputs & reg.W_OUTPUTS_ESTOP_RELEASE_MASK and self.running:
+            self.lose_position()  # another program has released it, and axes may move
         width = self._time_to_ticks("pulse width", pulse_width)
         setup = self._time_to_ticks("setup time", setup_time)
         self._divisor[:] = 0

@@ -157,7 +157,7 @@ DIRECTED_FAULTS = {
         shared.test_the_shortest_reset_clears_the_time_since_the_last_count,
     ),
     "a reply stays in a reset": (
-        *(COMPACT, "reply = Signal(len(self._added))", "reply = Signal.like(self._added)"),
+        *(COMPACT, "with m.If(self.clear | self._nothing)", "with m.If(self._nothing)"),
         partial(shared.test_nothing_of_a_reply_is_shown_after_a_reset_within_its_frame, 1, 0x01),
     ),
     "owed steps stay in phases": (

@@ -238,14 +238,21 @@ class CompactCore(DocumentCore):
         """Add the reply: 32 bits, and what they become in a longer word."""
         spi, registers, sequencer = self._spi, self._registers, self._sequencer
         # It comes from the memory of registers, if only a 0, a cycle late.
-        self._reply = reply = Signal(len(self._added))
-        self._extend, self._short_reply, self._inverted = Signal(), Signal(), Signal()
-        self._late = Signal()
-        with m.If(self._late):
+        late, self._nothing = Signal(), Signal()
+        # Of no matter while the reply is 0.
+        self._extend, self._short_reply = Signal(reset_less=True), Signal(reset_less=True)
+        # Cleared by a reset and without a reply in the same way: a flip-flop has one reset.
+        reply = Signal(len(self._added), reset_less=True)
+        inverted = Signal(reset_less=True)
+        m.d.sync += late.eq(spi.strobe)
+        with m.If(spi.strobe | self._nothing):
+            m.d.sync += [self._extend.eq(0), self._short_reply.eq(0)]
+        with m.If(self.clear | self._nothing):
+            m.d.sync += [reply.eq(0), inverted.eq(0)]
+        with m.Elif(late):
             m.d.sync += [
-                self._late.eq(0),
                 reply.eq(Cat(registers.value, self._added[32:])),
-                self._inverted.eq(registers.inverted),
+                inverted.eq(registers.inverted),
             ]
         bit, byte = spi.bit, spi.byte
         shown, upper, none = Signal(), Signal(), Signal()  # the bit to show
@@ -257,14 +264,14 @@ class CompactCore(DocumentCore):
         )
         with m.If(upper):
             m.d.comb += shown.eq(reply[31])
-        with m.If(self._late):  # it is the highest one, or with a fast SCK the next
+        with m.If(late):  # it is the highest one, or with a fast SCK the next
             m.d.comb += spi.reply.eq(
                 (
                     Mux(bit[0], registers.value[7], registers.value[6]) ^ registers.inverted
                 ).replicate(8)
             )
         with m.Else():
-            m.d.comb += spi.reply.eq((~none & (shown ^ self._inverted)).replicate(8))
+            m.d.comb += spi.reply.eq((~none & (shown ^ inverted)).replicate(8))
 
         soon = Signal()
         m.d.sync += soon.eq(spi.soon)
@@ -296,10 +303,7 @@ class CompactCore(DocumentCore):
             m.d.sync += bank.eq(target)
 
     def _reply_nothing(self, m: Module) -> None:
-        m.d.sync += [
-            *(self._reply.eq(0), self._late.eq(self._spi.strobe), self._extend.eq(0)),
-            *(self._short_reply.eq(0), self._inverted.eq(0)),
-        ]
+        m.d.comb += self._nothing.eq(~self._spi.strobe)
 
     def _snapshot(self, m: Module) -> None:
         m.d.comb += self._snap.eq(1)

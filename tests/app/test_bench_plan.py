@@ -85,3 +85,22 @@ def lines(points):
 
 def test_a_circle_in_chords_is_driven_like_one():
     assert bench_plan._chorded(MACHINE) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "jerk", "most"),
+    [
+        ("trochoidal.ngc", 1e6, 1.10),
+        ("trochoidal.ngc", 3e5, 1.20),
+        ("contour.ngc", 1e6, 1.10),
+        ("contour.ngc", 3e5, 1.20),
+        ("vcarve.ngc", 1e6, 1.10),
+        ("vcarve.ngc", 3e5, 1.17),  # 1.18 and more where speeds are not raised at last
+        ("wheels.ngc", 1e6, 1.10),
+        ("wheels.ngc", 3e5, 1.14),  # the same
+    ],
+)
+def test_real_programs_are_planned_near_the_optimum(corpus, name, jerk, most):
+    moves = bench_plan.blended(bench_plan._moves(corpus / name), 0.02)
+    result = bench_plan.measured(moves, bench_plan.bench_machine(jerk))
+    assert result.time <= most * result.second

@@ -229,16 +229,7 @@ class Job:
                     progress("run", min(until / max(self.duration, 1e-9), 1.0))
                 with self.clock.stage("verify"):
                     verdict = verifier.finish()
-        result = Result(
-            self,
-            room.name,
-            driver.profile,
-            verdict,
-            1 / player.update,
-            folder,
-            outputs.not_switched,
-            player.evidence,
-        )
+        result = self._result(driver, player, outputs, verdict, folder)
         if folder is not None:
             with self.clock.stage("write"):
                 progress("report", 0.0)
@@ -261,20 +252,30 @@ class Job:
                     player.play(until)
                     outputs.switch(until)
                 progress("run", min(until / max(self.duration, 1e-9), 1.0))
-            result = Result(
-                self,
-                driver.registers.board,
-                driver.profile,
-                None,
-                1 / player.update,
-                folder,
-                outputs.not_switched,
-                player.evidence,
-            )
+            result = self._result(driver, player, outputs, None, folder)
             if folder is not None:
                 with self.clock.stage("write"):
                     result.write(folder)
         return result
+
+    def _result(
+        self,
+        driver: Any,
+        player: Player,
+        outputs: _Outputs,
+        verdict: Verdict | None,
+        folder: Path | None,
+    ) -> Result:
+        return Result(
+            self,
+            driver.registers.board,
+            driver.profile,
+            verdict,
+            1 / player.update,
+            folder,
+            outputs.not_switched,
+            player.evidence,
+        )
 
     @contextmanager
     def _place_told(self, driver: Any) -> Iterator[None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Final, TypedDict
 
@@ -186,9 +186,11 @@ class RapcoresPlayer(Player):
         self._initialise()
         driver.require_position()  # the board may just have told that it is unknown
         timing, rate = PulseTiming(**asdict(driver.timing)), max(self.rates)
-        tick, read = tick_period(timing, rate), self._measure()
+        tick, read = tick_period(timing, rate), self._longest(driver.steps_lost)
         message = read * (1 + driver.motors + 2)
-        carried = min(message, self._measure_message())  # links in real time take it at once
+        frame = driver.codec.nop() * (driver.codec.move_words + 4)  # a move and a question
+        # links in real time take it at once
+        carried = min(message, self._longest(lambda: bus.transfer(frame)))
         ticks = grid_ticks(
             timing, tick=tick, message_cycles=carried, acceleration=max(self.accelerations)
         )
@@ -335,22 +337,12 @@ class RapcoresPlayer(Player):
         except RegisterValueError as error:
             raise MotionLimitError(str(error)) from error
 
-    def _measure(self) -> int:
-        """Return how long it takes to read a register [clock]."""
+    def _longest(self, access: Callable[[], object]) -> int:
+        """Return how long an access takes on this link, the longest of a few [clock]."""
         bus, longest = self.driver.bus, 0
         for _ in range(3):
             start = bus.now()
-            self.driver.steps_lost()
-            longest = max(longest, bus.now() - start)
-        return longest
-
-    def _measure_message(self) -> int:
-        """Return how long a frame takes that is as long as a move and a question [clock]."""
-        bus, codec, longest = self.driver.bus, self.driver.codec, 0
-        frame = codec.nop() * (codec.move_words + 4)
-        for _ in range(3):
-            start = bus.now()
-            bus.transfer(frame)
+            access()
             longest = max(longest, bus.now() - start)
         return longest
 

@@ -23,8 +23,19 @@ _ROOT: Final = Path(__file__).parents[1]
 _IMPORT: Final = re.compile(r"^ *from (pulsewright[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 
 
-def compiled(**options: Any) -> Callable[[F], F]:
-    """Return ``numba.njit(cache=True, **options)``, made to keep no outdated kernel."""
+def compiled(*, allocates: bool = True, **options: Any) -> Callable[[F], F]:
+    """Return ``numba.njit(cache=True, **options)``, made to keep no outdated kernel.
+
+    Parameters
+    ----------
+    allocates : bool
+        Whether the kernel makes arrays. One that does not, and is told so, counts no references to
+        those it is given, which costs more than a short function does by itself.
+    **options
+        Of `numba.njit`.
+    """
+    if not allocates:
+        options["_nrt"] = False  # of numba's own, whose version is pinned
 
     def decorate(function: F) -> F:
         dispatcher = numba.njit(cache=True, **options)(function)

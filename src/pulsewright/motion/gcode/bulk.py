@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from pulsewright.motion.gcode import calls as c
-from pulsewright.motion.gcode.bulk_kernel import DIGITS, FEED, MOTION, POSITION, read
+from pulsewright.motion.gcode.bulk_kernel import DEPTH, DIGITS, FEED, MOTION, POSITION, read
 from pulsewright.motion.gcode.interpreter import Interpreter
 from pulsewright.motion.gcode.recorder import Recorder
 from pulsewright.motion.gcode.settings import FARTHEST
@@ -39,6 +39,7 @@ class Bulk:
         settings = interpreter.settings
         for letter in set(settings.axes) - set(settings.wrapped):
             self._columns[ord(letter) - ord("A")] = AXES.index(letter)
+        self._room = np.empty(DEPTH), np.empty(DEPTH, np.int64)
         self._lines = np.empty(ROWS, np.int32)
         self._ends = np.empty((ROWS, len(AXES)))
         self._feeds = np.empty(ROWS)
@@ -70,6 +71,7 @@ class Bulk:
                 names,
                 bounds,
                 values,
+                *self._room,
                 state,
                 self._lines,
                 self._ends,

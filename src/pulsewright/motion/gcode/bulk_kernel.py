@@ -24,10 +24,11 @@ DIGITS = 18  # that fit into an integer; powers of ten up to this one are exact,
 # Members of the state, before the position.
 ABSOLUTE, MOTION, FEED, SCALE, POSITION = 0, 1, 2, 3, 4
 
+_POINT = ord(".") - ord("0")
 _OPEN, _NEGATIVE, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE = 0, 1, 2, 3, 4, 5
 
 
-@compiled()
+@compiled(allocates=False)
 def _skip(data: Bytes, i: int) -> int:
     """Return the next place that is not blank."""
     while data[i] == 32 or data[i] == 9:
@@ -35,36 +36,35 @@ def _skip(data: Bytes, i: int) -> int:
     return i
 
 
-@compiled()
+@compiled(allocates=False)
 def _number(data: Bytes, i: int, powers: Floats) -> tuple[int, float]:
-    """Read a number without sign or blanks at ``i``; return where it ends, -1 where it is none."""
-    mantissa, start, point = 0, i, 0
-    c = data[i]
-    while 48 <= c <= 57:
-        mantissa = mantissa * 10 + (c - 48)
+    """Read a number without sign or blanks at ``i``; return where it ends, -1 where it is none.
+
+    What follows is not looked at: blanks and then more of it are nothing that may follow a value.
+    """
+    mantissa, start, decimals = 0, i, 0
+    digit = np.int64(data[i]) - 48
+    while 0 <= digit <= 9:
+        mantissa = mantissa * 10 + digit
         i += 1
-        c = data[i]
-    if c == 46:
-        point = i + 1
+        digit = np.int64(data[i]) - 48
+    length = i - start
+    if digit == _POINT:
         i += 1
-        c = data[i]
-        while 48 <= c <= 57:
-            mantissa = mantissa * 10 + (c - 48)
+        start = i
+        digit = np.int64(data[i]) - 48
+        while 0 <= digit <= 9:
+            mantissa = mantissa * 10 + digit
             i += 1
-            c = data[i]
-    length = i - start - (point > 0)
-    decimals = i - point if point else 0
-    if c == 32 or c == 9:
-        i = _skip(data, i)
-        c = data[i]
-        if 48 <= c <= 57:
-            return -1, 0.0  # one number, written with blanks
-    if c == 46 or length == 0 or length > DIGITS or mantissa >= EXACT:
+            digit = np.int64(data[i]) - 48
+        decimals = i - start
+        length += decimals
+    if digit == _POINT or not 0 < length <= DIGITS or mantissa >= EXACT:
         return -1, 0.0
     return i, mantissa / powers[decimals]
 
 
-@compiled()
+@compiled(allocates=False)
 def _name(data: Bytes, i: int, names: Bytes, bounds: Integers, values: Floats) -> tuple[int, float]:
     """Read a named parameter, whose name begins at ``i``."""
     for k in range(len(values)):
@@ -86,7 +86,7 @@ def _name(data: Bytes, i: int, names: Bytes, bounds: Integers, values: Floats) -
     return -1, 0.0
 
 
-@compiled()
+@compiled(allocates=False)
 def _reduce(operators: Integers, operands: Floats, m: int, n: int) -> bool:
     """Carry out the last operator; whether there is a result."""
     left, right = operands[n - 2], operands[n - 1]
@@ -105,7 +105,7 @@ def _reduce(operators: Integers, operands: Floats, m: int, n: int) -> bool:
     return math.isfinite(result)
 
 
-@compiled()
+@compiled(allocates=False)
 def _value(
     data: Bytes,
     i: int,
@@ -188,7 +188,7 @@ def _value(
         i += 1
 
 
-@compiled()
+@compiled(allocates=False)
 def read(
     data: Bytes,
     offset: int,
@@ -199,6 +199,8 @@ def read(
     names: Bytes,
     bounds: Integers,
     values: Floats,
+    operands: Floats,
+    operators: Integers,
     state: Floats,
     lines: NDArray[np.int32],
     ends: Floats,
@@ -220,6 +222,8 @@ def read(
         Powers of ten.
     names, bounds, values : uint8, int64, float64
         Named parameters: the bytes of all names, where each begins, and their values.
+    operands, operators : (32,) float64, (32,) int64
+        Room to work in.
     state : (10,) float64
         Whether distances are absolute, motion code (0, 1; else -1), feed, mm/s of feed 1, and the
         position. Changed in place.
@@ -232,8 +236,6 @@ def read(
         What comes next, and how many moves there are. Reading ends at a line that is not plain, at
         the end, or with the arrays full.
     """
-    operands, operators = np.empty(DEPTH), np.empty(DEPTH, np.int64)
-    words = np.empty(6)
     count, size = 0, len(data)
     while offset < size and count < len(lines):
         motion, feed, seen, has_feed, has_code = state[MOTION], state[FEED], 0, False, False
@@ -282,7 +284,7 @@ def read(
                 if seen >> axis & 1:
                     break
                 seen |= 1 << axis
-                words[axis] = value
+                ends[count, axis] = value
             plain = True
         if not plain:
             break
@@ -291,11 +293,13 @@ def read(
                 break
             far = False
             for axis in range(6):
-                end = state[POSITION + axis]
-                if seen >> axis & 1:
-                    end = words[axis] if state[ABSOLUTE] else words[axis] + end
-                    far |= not -farthest < end < farthest
-                ends[count, axis] = end
+                here = state[POSITION + axis]
+                if not seen >> axis & 1:
+                    ends[count, axis] = here
+                    continue
+                if not state[ABSOLUTE]:
+                    ends[count, axis] += here
+                far |= not -farthest < ends[count, axis] < farthest
             if far:
                 break
             for axis in range(6):

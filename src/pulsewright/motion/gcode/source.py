@@ -16,6 +16,7 @@ from pulsewright.motion.gcode.reader import Label, Line, OWord, read_line
 
 BLANK: Final = Line("")
 
+_PART: Final = 1 << 16  # bytes searched for line ends at once
 _O_LINE: Final = re.compile(rb"^[ \t]*(?:/[ \t]*)?(?:[nN][ \t0-9.]*)?[oO]", re.MULTILINE)
 
 #: Keywords that end or divide a construct, with those that begin it.
@@ -62,9 +63,11 @@ class Source:
             except UnicodeDecodeError:
                 # Old programs have comments in 8-bit encodings; such bytes are refused elsewhere.
                 self._encoding = "latin-1"
-        ends = np.flatnonzero(np.frombuffer(self.data, np.uint8) == ord("\n"))
+        text = np.frombuffer(self.data, np.uint8)
+        parts = (text[k : k + _PART] for k in range(0, len(text), _PART))  # which stay in caches
+        ends = [np.flatnonzero(part == ord("\n")) + n * _PART + 1 for n, part in enumerate(parts)]
         #: Offset of each line, and of where another would begin.
-        self.starts = np.concatenate([[0], ends + 1, [len(self.data) + 1]]).astype(np.int64)
+        self.starts = np.concatenate([[0], *ends, [len(self.data) + 1]]).astype(np.int64)
         self.count = len(self.starts) - 1
         #: Lines that have been read and are kept.
         self.lines: dict[int, Line] = {}

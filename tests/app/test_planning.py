@@ -66,10 +66,11 @@ def test_memory_of_a_long_program_is_that_of_a_short_one(tmp_path):
         zigzag = (f"X{n % 50} Y{n / 1000:.3f}\n" for n in range(lines))
         path.write_text("G64 P0.05\nG1 F3000\n" + "".join(zigzag))
         code = (
-            "import resource, sys\n"
+            "import sys\n"
+            "from pulsewright.app.memory import peak_memory\n"
             "from pulsewright.app.planning import plan_file\n"
             "outline = plan_file(sys.argv[1])\n"
-            "print(outline.moves, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+            "print(outline.moves, peak_memory())"
         )
         command = [sys.executable, "-c", code, str(path)]
         output = subprocess.run(command, capture_output=True, text=True, check=True).stdout

@@ -7,7 +7,6 @@ compiled kernels are warm. Nothing here decides whether a test passes.
 from __future__ import annotations
 
 import math
-import resource
 import subprocess
 import sys
 import tempfile
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from pulsewright.app.memory import peak_memory
 from pulsewright.app.progress import Progress, silent
 from pulsewright.errors import UsageError
 from pulsewright.files import replacing
@@ -329,9 +329,8 @@ def _job_process(program: Path, folder: Path) -> None:
     spent = time.process_time() - start
     if not result.passed:
         raise SystemExit(result.text())
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     steps = 0 if result.verdict is None else result.verdict.steps
-    print(result.job.duration, spent, steps, peak)
+    print(result.job.duration, spent, steps, peak_memory())
 
 
 def motion() -> Figures:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from pulsewright.app.bench_gcode import CORPUS, Row, surface
+from pulsewright.app.memory import peak_memory
 from pulsewright.errors import UsageError
 
 if TYPE_CHECKING:
@@ -166,13 +167,10 @@ def _whole_file() -> tuple[float, float]:
 
 def _plan_process(path: Path) -> None:
     """Plan a program; print CPU time [s] and peak memory of this process [MB]."""
-    import resource
-
     from pulsewright.app.planning import plan_file
 
     outline = plan_file(path, machine=bench_machine(max(JERKS)))
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(outline.clock.total, memory)
+    print(outline.clock.total, peak_memory())
 
 
 if __name__ == "__main__":

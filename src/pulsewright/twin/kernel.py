@@ -12,7 +12,7 @@ from typing import Any, Final, TypeVar
 from pulsewright.compiled import compiled
 
 F = TypeVar("F", bound=Callable[..., Any])
-OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "_nrt": False}
+OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "allocates": False}
 
 
 def kernel(function: F) -> F:

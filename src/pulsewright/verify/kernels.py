@@ -24,7 +24,7 @@ REACH_MOVES: Final = 1000  # the nearest-point search looks no further than so m
 ENOUGH_NEIGHBOURS: Final = 1  # ... and at least this far, whatever their length
 
 
-@compiled()
+@compiled(allocates=False)
 def follow(
     step: Ints,
     active: int,
@@ -196,7 +196,7 @@ def _cubic(
     )
 
 
-@compiled()
+@compiled(allocates=False)
 def arc_distance2(
     p0: float, p1: float, p2: float, c0: float, c1: float, n0: float, arc: Floats
 ) -> float:
@@ -260,7 +260,7 @@ def _at_arc(u: float, x: float, y: float, z: float, arc: Floats) -> float:
     return float(dx * dx + dy * dy + dz * dz)
 
 
-@compiled()
+@compiled(allocates=False)
 def segment_distance2(p: Floats, a: Floats, b: Floats, first: int) -> float:
     """Return the squared distance of p from the segment a..b in coordinates first .. first + 2."""
     along, length = 0.0, 0.0
@@ -274,7 +274,7 @@ def segment_distance2(p: Floats, a: Floats, b: Floats, first: int) -> float:
     return total
 
 
-@compiled()
+@compiled(allocates=False)
 def move_distance2(
     p: Floats,
     i: int,

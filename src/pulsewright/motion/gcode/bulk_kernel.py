@@ -43,20 +43,20 @@ def _number(data: Bytes, i: int, powers: Floats) -> tuple[int, float]:
     What follows is not looked at: blanks and then more of it are nothing that may follow a value.
     """
     mantissa, start, decimals = 0, i, 0
-    digit = np.int64(data[i]) - 48
+    digit = int(data[i]) - 48
     while 0 <= digit <= 9:
         mantissa = mantissa * 10 + digit
         i += 1
-        digit = np.int64(data[i]) - 48
+        digit = int(data[i]) - 48
     length = i - start
     if digit == _POINT:
         i += 1
         start = i
-        digit = np.int64(data[i]) - 48
+        digit = int(data[i]) - 48
         while 0 <= digit <= 9:
             mantissa = mantissa * 10 + digit
             i += 1
-            digit = np.int64(data[i]) - 48
+            digit = int(data[i]) - 48
         decimals = i - start
         length += decimals
     if digit == _POINT or not 0 < length <= DIGITS or mantissa >= EXACT:

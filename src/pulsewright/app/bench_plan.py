@@ -37,6 +37,7 @@ PARTS: Final = 8  # of each element, for the optimum
 TELLING: Final = 1.005  # ratio of T3 to T2 from which on it is told
 CHORDS: Final = 1000
 LINES: Final = 1_000_000
+PRINTED: Final = 20_000
 
 
 class Measured(NamedTuple):
@@ -69,6 +70,9 @@ def rows() -> list[Row]:
     for jerk in JERKS:
         ratio = _chorded(bench_machine(jerk))
         found.append((f"circle in chords over the circle, {jerk:g} mm/s^3", ratio, "", "<= 1.03"))
+    spent = _board_words(machine)
+    what = f"file to board words, 4 axes, usc, {PRINTED:,} lines like those of a print"
+    found.append((what, PRINTED / spent / 1e6, "M lines/s", ">= 0.5"))
     spent, memory = _whole_file()
     what = f"interpreting, planning and certifying {LINES:,} lines"
     found.append((what, LINES / spent / 1e6, "M lines/s", ""))
@@ -150,6 +154,60 @@ def _chorded(machine: Machine) -> float:
         for text in (chords, "G3 X20 Y0 I-20 J0\n")
     )
     return long / short
+
+
+def printing(path: Path, lines: int) -> None:
+    """Write a program like those of slicers, A the extruder: outlines in short chords, infill."""
+    chords, infill = 200, 40
+    around = np.linspace(0.0, 2 * np.pi, chords, endpoint=False)
+    shape = (
+        np.stack([np.cos(around), np.sin(around)], axis=1) * (1 + 0.1 * np.cos(5 * around))[:, None]
+    )
+    across = np.linspace(-11.0, 11.0, infill)
+    sides = np.where(np.arange(infill) % 4 < 2, 11.0, -11.0)
+    layer = [shape * size for size in (19.6, 19.2, 18.8)] + [np.stack([across, sides], axis=1)]
+    points = np.concatenate(layer)
+    length = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
+    with path.open("w", encoding="ascii") as file:
+        file.write("G21 G90 G94 G64 P0.02\nF6000\n")
+        extruded = 0.0
+        for n in range(lines):
+            k = n % len(points)
+            extruded += 5.0 * length[k]
+            height = f" Z{0.2 * (n // len(points)):.1f}" if k == 0 else ""
+            file.write(f"G1 X{points[k, 0]:.3f} Y{points[k, 1]:.3f}{height} A{extruded:.4f}\n")
+        file.write("M2\n")
+
+
+def _board_words(machine: Machine) -> float:
+    """Return CPU time from a print to what is written to a USC [s], its plan not certified."""
+    from pulsewright.app.planning import interpreter_settings
+    from pulsewright.boards.usc.commands import Converter, PulseTiming
+    from pulsewright.motion.gcode import interpret
+    from pulsewright.motion.plan import plan
+
+    timing = PulseTiming(width=25, space=25, setup=50, div_offset=0, access=10)
+    matrix = machine.motor_matrix()
+    rate, acceleration, _ = machine.motor_limits().max(axis=1)
+    update = timing.update_period(rate, acceleration)
+
+    def convert(path: Path) -> None:
+        moves = interpret(path, settings=interpreter_settings(machine)).moves
+        trajectory = plan(moves, machine).mapped(matrix)
+        converter = Converter(trajectory, timing, first_cycle=0, update=update)
+        while not converter.done:
+            converter.convert(10_000)
+
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "print.ngc"
+        printing(program, PRINTED)
+        convert(program)  # compiles
+        spent = []
+        for _ in range(RUNS):
+            begin = time.process_time()
+            convert(program)
+            spent.append(time.process_time() - begin)
+    return statistics.median(spent)
 
 
 def _whole_file() -> tuple[float, float]:

@@ -170,10 +170,8 @@ class Job:
             **room.parameters_for(machine.motors) | _switches(machine if own else None),
         )
         matrix = machine.motor_matrix()
-        rows, velocity, acceleration = limits = machine.limit_rows()
-        scale = np.abs(matrix @ np.linalg.pinv(rows))  # steps per unit along each limited row
-        limit = np.stack([velocity, acceleration, machine.jerk_limits()])
-        rates, accelerations, jerks = (limit @ scale.T).tolist()
+        rows, _, acceleration = limits = machine.limit_rows()
+        rates, accelerations, jerks = machine.motor_limits().tolist()
         drive = DriveTiming(
             width=machine.drive.pulse_width_us * MICROSECOND,
             space=machine.drive.pulse_space_us * MICROSECOND,

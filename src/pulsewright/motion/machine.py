@@ -404,6 +404,21 @@ class Machine(_Table):
         """Return the largest jerk along each row of `limit_rows`, (r,) [mm/s^3, degrees/s^3]."""
         return np.array([self.axis[a].jerk_limit for a in self.axes])
 
+    def motor_limits(self) -> NDArray[np.float64]:
+        """Return the most that each motor does within the limits of the axes.
+
+        Returns
+        -------
+        (3, motors) float64
+            Velocity, acceleration and jerk [step/s, step/s^2, step/s^3].
+        """
+        rows, velocity, acceleration = self.limit_rows()
+        steps = np.abs(self.motor_matrix() @ np.linalg.pinv(rows))  # per unit along each row
+        limits: NDArray[np.float64] = (
+            np.stack([velocity, acceleration, self.jerk_limits()]) @ steps.T
+        )
+        return limits
+
     def check_travel(self, moves: Moves) -> None:
         """Check that every move stays within the travel of every axis.
 

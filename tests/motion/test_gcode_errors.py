@@ -226,6 +226,17 @@ def test_lines_count_alike_with_all_line_ends():
         assert refusal.value.line == 4
 
 
+@pytest.mark.parametrize("length", [65_535, 65_536, 65_537, 131_072, 200_001])
+def test_lines_of_long_programs_are_counted(length):
+    """Line ends are found in parts of 65 536 bytes: no one is lost where two parts meet."""
+    lines = length // 10
+    text = "G0 X1.000\n" * (lines - 1) + "G0 X2.000".ljust(10 + length % 10 - 1) + "\n"
+    assert len(text) == length
+    with pytest.raises(GcodeError) as refusal:
+        interpret_text(text + "M77\n")
+    assert (refusal.value.line, refusal.value.text) == (lines + 1, "M77")
+
+
 def test_tools_must_be_in_the_table():
     settings = InterpreterSettings(tools={1: 10.0, 4: 3.0})
     for text, column, words in (("G43 H2", 5, "H2"), ("M6 T2", 4, "T2"), ("G0 G43 H2", 8, "H2")):

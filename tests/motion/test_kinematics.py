@@ -25,6 +25,15 @@ def test_corexy_turns_both_motors_for_one_axis(examples):
     assert (matrix @ [0, 0, 1, 0, 0, 0]).tolist() == [0, 0, 400]
 
 
+def test_motors_do_what_all_axes_ask_at_once(examples):
+    machine = Machine.load(examples / "machines" / "corexy_engraver.toml")
+    rates, accelerations, jerks = machine.motor_limits()
+    assert np.allclose(rates, [80 * (150 + 150), 80 * (150 + 150), 400 * 20], rtol=1e-12)
+    assert np.allclose(accelerations, [80 * 6000, 80 * 6000, 400 * 200], rtol=1e-12)
+    # by default an axis has all its acceleration after 25 ms
+    assert np.allclose(jerks, 40 * accelerations, rtol=1e-12)
+
+
 def test_a_reversed_motor_turns_the_other_way(examples):
     machine = Machine.load(examples / "machines" / "five_axis.toml")
     # Y on motors 1 and 2, which face each other: 160 steps/mm; C on motor 5: 200 x 8 x 90 steps

@@ -18,6 +18,11 @@ def killed(scene):
     raise KilledError
 
 
+def stalled(scene):
+    """The host stands still for longer than all that the board knows of the plan."""
+    scene.faults.inject("stall", seconds=scene.size.stall, count=1)
+
+
 def killed_at_a_rate(scene):
     scene.driver.stop()
     scene.driver.set_step_rate(0, 3000)
@@ -409,12 +414,18 @@ S3G = (
         "no reply",
         "500 ms",
         check=plays_again,
+        rtl=True,
     ),
     Case("link lost", link("cut"), "BusError", "it is lost", "500 ms", check=plays_again),
     Case("wait line stuck", link("stuck")),
-    Case("byte to the board lost", link("lose", after=20, count=1), check=retried),
-    Case("byte to the board doubled", link("double", after=20, count=1), check=retried),
-    Case("byte to the board flipped", link("flip", mask=0x10, after=20, count=1), check=retried),
+    Case("byte to the board lost", link("lose", after=20, count=1), check=retried, rtl=True),
+    Case("byte to the board doubled", link("double", after=20, count=1), check=retried, rtl=True),
+    Case(
+        "byte to the board flipped",
+        link("flip", mask=0x10, after=20, count=1),
+        check=retried,
+        rtl=True,
+    ),
     Case("byte from the board lost", link("lose", of="read", after=2, count=1), check=retried),
     Case(
         "byte from the board flipped",
@@ -432,14 +443,15 @@ S3G = (
     ),
     Case(
         "host stalled for 1 s",
-        link("stall", seconds=1.0, count=1),
+        stalled,
         "StarvedError",
         "has stopped by itself",
         "500 ms",
         check=resumes,
+        rtl=True,
     ),
-    Case("host process killed", killed, "", "", "500 ms", check=tells_and_plays_again),
-    Case("host process killed while a rate is set", killed_at_a_rate, "", "", "never"),
+    Case("host process killed", killed, "", "", "500 ms", check=tells_and_plays_again, rtl=True),
+    Case("host process killed while a rate is set", killed_at_a_rate, "", "", "never", rtl=True),
     Case(
         "board power-cycled",
         power_cycle,
@@ -447,6 +459,7 @@ S3G = (
         "it has lost power or was reset",
         "0 ms",
         check=plays_again,
+        rtl=True,
     ),
     Case(
         "encoder stuck or noisy",

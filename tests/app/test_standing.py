@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
-from served import Process
+from served import Process, slow_machine
 
 from pulsewright.app.cli import main
 from pulsewright.app.run import Job
@@ -15,7 +15,6 @@ from pulsewright.errors import (
     PulsewrightError,
     UsageError,
 )
-from pulsewright.motion.machine import Machine
 from pulsewright.transport.faults import Faults
 
 LINK = "serial:/dev/ttyUSB7?baud=500000"
@@ -129,11 +128,7 @@ def test_the_command_line_refuses_and_takes_the_word_of_the_user(
 def test_a_job_whose_link_fails_in_mid_move_is_followed_by_none_without_a_reference(
     program, tmp_path
 ):
-    machine = Machine.parse(
-        'name = "one axis"\n[axis.X]\nmotor = 0\nsteps_per_mm = 100\nmin = -100\nmax = 100\n'
-        'velocity = 20\nacceleration = 100\njerk = 2000\n[board]\nname = "rapcores"\n[board.options]\ndepth = 16\n'
-    )
-    job, faults = Job.from_gcode(program, machine=machine), Faults()
+    job, faults = Job.from_gcode(program, machine=slow_machine("rapcores", depth=16)), Faults()
     link = f"spi+unix:{tmp_path / 'bus'}"
     with Process("rapcores", "--listen", link, "--set", "depth=16"):
         faults.inject("mute", after=30_000)  # bytes: it moves by then

@@ -75,6 +75,26 @@ def stick(scene):
     scene.twin.set_loopback(False)
 
 
+def chain_opened(scene):
+    """The estop chain opens."""
+    if scene.engine == "rtl":
+        scene.twin.set_input("estop_chain", 0)
+    else:
+        scene.twin.set_estop_chain(False)
+
+
+def switched(number):
+    """Return a fault: a switch at an input is hit."""
+
+    def hit(scene):
+        if scene.engine == "rtl":
+            scene.twin.set_input("din", 1 << number)
+        else:
+            scene.twin.set_din(1 << number)
+
+    return hit
+
+
 def noise(scene):
     """Glitches on the lines of an encoder: 15 counts that are no motion."""
     scene.twin.set_encoder(1, scene.twin.state()["enc"][1] + 15)
@@ -91,7 +111,14 @@ USC = (
         rtl=True,
     ),
     Case("link lost", link("cut"), "BusError", "it is lost", "10 ms", check=plays_again),
-    Case("wait line stuck", link("stuck"), "BusTimeoutError", "no board acknowledged", "100 ms"),
+    Case(
+        "wait line stuck",
+        link("stuck"),
+        "BusTimeoutError",
+        "no board acknowledged",
+        "100 ms",
+        rtl=True,
+    ),
     Case(
         "byte to the board lost",
         link("lose", after=1, count=1),
@@ -116,7 +143,12 @@ USC = (
         "20 ms",
         LOOP,
     ),
-    Case("the same three without encoders", link("flip", mask=0x40, after=3, count=1), silent=True),
+    Case(
+        "the same three without encoders",
+        link("flip", mask=0x40, after=3, count=1),
+        silent=True,
+        rtl=True,
+    ),
     Case(
         "byte from the board flipped",
         link("flip", mask=0x80, of="read", count=1),
@@ -134,32 +166,35 @@ USC = (
         rtl=True,
     ),
     Case("host process killed", killed, "", "", "10 ms", check=plays_again, rtl=True),
-    Case("board power-cycled", power_cycle, "EstopError", "in emergency stop", "0 ms"),
+    Case("board power-cycled", power_cycle, "EstopError", "in emergency stop", "0 ms", rtl=True),
     Case("encoder stuck", stick, "FollowingError", "an encoder does not count", "20 ms", ENCODERS),
     Case("encoder noisy", noise, "FollowingError", "an encoder does not count", "20 ms", ENCODERS),
     Case("motor steps lost", slip, "FollowingError", "steps were lost", "20 ms", ENCODERS),
     Case("motor steps lost without encoders", steps_lost, silent=True),
     Case(
         "estop opened",
-        lambda scene: scene.twin.set_estop_chain(False),
+        chain_opened,
         "EstopError",
         "the estop chain opened",
         "0 ms",
+        rtl=True,
     ),
     Case(
         "limit switch in the estop chain",
-        lambda scene: scene.twin.set_estop_chain(False),
+        chain_opened,
         "EstopError",
         "the estop chain opened",
         "0 ms",
+        rtl=True,
     ),
     Case(
         "limit switch at an input",
-        lambda scene: scene.twin.set_din(1 << 9),
+        switched(9),
         "LimitSwitchError",
         "the limit switch at input 9 is hit",
         "20 ms",
         {"inputs": (4, 9)},
+        rtl=True,
     ),
 )
 
@@ -175,13 +210,21 @@ PLUTO = (
         rtl=True,
     ),
     Case("link lost", link("cut"), "BusError", "it is lost", "6.51 ms", check=plays_again),
-    Case("wait line stuck", link("stuck"), "BusTimeoutError", "no board acknowledged", "100 ms"),
+    Case(
+        "wait line stuck",
+        link("stuck"),
+        "BusTimeoutError",
+        "no board acknowledged",
+        "100 ms",
+        rtl=True,
+    ),
     Case(
         "byte to the board lost",
         link("lose", after=1, count=1),
         "FollowingError",
         "steps from where it was commanded to be",
         "100 ms",
+        rtl=True,
     ),
     Case(
         "byte to the board doubled",
@@ -189,6 +232,7 @@ PLUTO = (
         "FollowingError",
         "steps from where it was commanded to be",
         "100 ms",
+        rtl=True,
     ),
     Case(
         "byte to the board flipped",
@@ -196,6 +240,7 @@ PLUTO = (
         "FollowingError",
         "steps from where it was commanded to be",
         "100 ms",
+        rtl=True,
     ),
     Case(
         "byte to the timing register flipped",
@@ -225,6 +270,7 @@ PLUTO = (
         "FollowingError",
         "steps from where it was commanded to be",
         "100 ms",
+        rtl=True,
     ),
     Case(
         "encoder stuck or noisy",
@@ -238,19 +284,21 @@ PLUTO = (
     Case("estop opened", steps_lost, silent=True),
     Case(
         "estop opened, wired to an input",
-        lambda scene: scene.twin.set_din(1 << 4),
+        switched(4),
         "LimitSwitchError",
         "the limit switch at input 4 is hit",
         "20 ms",
         {"inputs": (4, 9)},
+        rtl=True,
     ),
     Case(
         "limit switch at an input",
-        lambda scene: scene.twin.set_din(1 << 9),
+        switched(9),
         "LimitSwitchError",
         "the limit switch at input 9 is hit",
         "20 ms",
         {"inputs": (4, 9)},
+        rtl=True,
     ),
 )
 
@@ -324,6 +372,7 @@ RAPCORES = (
         "FollowingError",
         "steps from where it was commanded to be",
         "150 ms",
+        rtl=True,
     ),
     Case(
         "byte from the board flipped",
@@ -366,6 +415,7 @@ RAPCORES = (
         "an encoder does not count",
         "150 ms",
         {"feedback": True},
+        rtl=True,
     ),
     Case(
         "encoder noisy",
@@ -374,6 +424,7 @@ RAPCORES = (
         "has changed both signals at once",
         "150 ms",
         {"feedback": True},
+        rtl=True,
     ),
     Case(
         "motor steps lost",
@@ -382,6 +433,7 @@ RAPCORES = (
         "steps were lost",
         "150 ms",
         {"feedback": True},
+        rtl=True,
     ),
     Case("motor steps lost without encoders", steps_lost, silent=True),
     Case(
@@ -400,6 +452,7 @@ RAPCORES = (
         "the board was halted",
         "0.1 ms",
         check=keeps_position,
+        rtl=True,
     ),
 )
 

@@ -556,6 +556,16 @@ def test_table_and_cases_agree(board):
     check_rows(board, CASES[board])
 
 
+@pytest.mark.parametrize("real_time", [True, False])
+def test_a_late_host_is_told_of_the_closed_loop_on_links_in_real_time(real_time):
+    scene = Scene("usc")
+    scene.driver.bus.in_real_time = real_time
+    scene.play(link("delay", seconds=0.002))
+    assert type(scene.error).__name__ == "LateError"
+    told = "\n".join(getattr(scene.error, "__notes__", ()))
+    assert ("[encoders]" in told) == ("loopback" in told) == real_time
+
+
 NOISY = {"usc": LOOP, "rapcores": {}, "s3g": {}}  # pluto_step: not its timing register
 
 

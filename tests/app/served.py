@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from pulsewright.app.serve import serve
+from pulsewright.motion.machine import Machine
 
 
 @contextmanager
@@ -55,6 +56,23 @@ def limited(process, seconds):
         yield
     finally:
         timer.cancel()
+
+
+def slow_machine(board, **options):
+    """Return a machine of two axes, of a hundred steps per mm, at a board with these options."""
+    axis = (
+        "steps_per_mm = 100\nmin = -100\nmax = 100\nvelocity = 20\nacceleration = 100\njerk = 2000"
+    )
+    return Machine.parse(
+        "\n".join(
+            [
+                'name = "two axes"',
+                *(f"[axis.{name}]\nmotor = {motor}\n{axis}" for motor, name in enumerate("XY")),
+                f'[board]\nname = "{board}"\n[board.options]',
+                *(f"{name} = {value}" for name, value in options.items()),
+            ]
+        )
+    )
 
 
 class Process:

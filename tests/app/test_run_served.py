@@ -3,36 +3,13 @@
 import json
 
 import pytest
-from served import Control, Process
+from served import Control, Process, slow_machine
 
 from pulsewright.app.run import UNSEEN, Job
 from pulsewright.errors import EstopError, MotionLimitError, StarvedError, UsageError
-from pulsewright.motion.machine import Machine
 
 BUSY = EstopError, MotionLimitError, StarvedError  # what a computer is told that does too much
 TRIES = 5
-MACHINE = """
-name = "two axes"
-[axis.X]
-motor = 0
-steps_per_mm = 100
-min = -100
-max = 100
-velocity = 20
-acceleration = 100
-jerk = 2000
-[axis.Y]
-motor = 1
-steps_per_mm = 100
-min = -100
-max = 100
-velocity = 20
-acceleration = 100
-jerk = 2000
-[board]
-name = "{board}"
-[board.options]
-"""
 OPTIONS = {"usc": {"watchdog_us": 0, "loopback": 1}, "rapcores": {"depth": 16}}
 END = [503, -247]  # X 5.03, Y -2.47
 TOLD = {
@@ -64,15 +41,14 @@ def served(board, folder):
 @pytest.mark.campaign  # in real time, which busy computers do not keep
 @pytest.mark.parametrize("board", TOLD)
 def test_a_program_on_a_served_board(board, program, tmp_path):
-    options = "\n".join(f"{name} = {value}" for name, value in OPTIONS.get(board, {}).items())
-    job = Job.from_gcode(program, machine=Machine.parse(MACHINE.format(board=board) + options))
+    job = Job.from_gcode(program, machine=slow_machine(board, **OPTIONS.get(board, {})))
     server, link = served(board, tmp_path)
     with server:
         control = Control(tmp_path / "c")
         for attempt in range(TRIES):
             before = control("steps")["steps"][:2]
             try:
-                result = job.run(link=link, out=tmp_path / "out")
+                result = job.run(link=link, out=tmp_path / "out", referenced=attempt > 0)
                 break
             except BUSY:
                 if attempt == TRIES - 1 and board == "pluto_step":
@@ -100,7 +76,7 @@ def test_a_program_on_a_served_board(board, program, tmp_path):
 
 
 def test_edges_cannot_be_written_that_nobody_sees(program, tmp_path):
-    job = Job.from_gcode(program, machine=Machine.parse(MACHINE.format(board="rapcores")))
+    job = Job.from_gcode(program, machine=slow_machine("rapcores"))
     server, link = served("rapcores", tmp_path)
     with server, pytest.raises(UsageError, match=r"does not record step edges.*trace\.vcd"):
         job.run(link=link, out=tmp_path / "out", vcd=True)

@@ -24,11 +24,48 @@ from pulsewright.transport.faults import Faults
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 SECONDS, WAY = 0.6, (1500.0, -900.0)  # of the plan [s], of each motor [step]
 HIT_AT = 0.25  # when the fault comes, in the time of the plan [s]
-LONGER = {"s3g": 3}  # so many times longer are way and time on boards that know much of the plan
-AFTER = {"s3g": 1.0}  # time that is waited for a board to come to rest, after all [s]
 TIMING = DriveTiming(width=2.5e-6, space=2.5e-6, setup=5e-6, hold=5e-6)
 MOTORS = len(WAY)
-SMALLER = {"s3g": {"prog_words": 2048}}
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large scenes are at a board.
+
+    Parameters
+    ----------
+    longer : float
+        So many times longer are way and time of the plan: more on boards that know much of it.
+    after : float
+        Time that is waited for a board to come to rest, after all [s].
+    options : dict
+        Of the board.
+    timeout : float
+        Of the driver [s].
+    retries : int
+        Of the driver.
+    share : float
+        Of the times in the table, in which such a board comes to rest.
+    stall : float
+        Time for which a host that stalls does so [s].
+    """
+
+    longer: float = 1
+    after: float = 0.1
+    options: dict = field(default_factory=dict)
+    timeout: float = 1.0
+    retries: int = 3
+    share: float = 1
+    stall: float = 1.0
+
+
+SIZES = {
+    ("s3g", "twin"): Size(longer=3, after=1.0, options={"prog_words": 2048}),
+    # gateware makes some two million cycles a second, and a second of this board has 50
+    ("s3g", "rtl"): Size(
+        0.5, 0.2, {"prog_words": 512}, timeout=0.03, retries=1, share=0.4, stall=0.25
+    ),
+}
 
 
 def plan(longer=1):
@@ -72,12 +109,14 @@ class Scene:
 
     def __post_init__(self):
         self.room = boards.get(self.board)
-        self.options = SMALLER.get(self.board, {}) | self.options
+        self.size = SIZES.get((self.board, self.engine), Size())
+        self.options = self.size.options | self.options
         self.faults = Faults(self.seed)
         self.driver = open_board(self.board, f"{self.engine}:", faults=self.faults, **self.options)
+        self._shorten()
         self.twin = self.driver.bus.twin
         self.clock = self.twin.clock_hz
-        self.longer = LONGER.get(self.board, 1)
+        self.longer = self.size.longer
         self.plan = plan(self.longer)
         self.end = [round(self.longer * x) for x in WAY]
         self.pins = numbered_pins(MOTORS, self.room.positive_direction, *self.room.motor_pins)
@@ -94,6 +133,10 @@ class Scene:
             switches=LimitSwitches(self.inputs) if self.inputs else None,
         )
         self.player = self.room.player(self.driver, self.plan, self.drives)
+
+    def _shorten(self):
+        """Let the driver ask for answers no longer than such a scene allows, on serial links."""
+        self.driver.timeout, self.driver.retries = self.size.timeout, self.size.retries
 
     def note(self):
         """Count the steps up to now."""
@@ -135,6 +178,7 @@ class Scene:
         self.faults.inject("none")
         numbers = self.room.numbers(self.options)  # of a new session, which knows of nothing
         self.driver = self.room.driver(self.driver.bus, self.room.default_profile, **numbers)
+        self._shorten()
         self.player = self.room.player(self.driver, self.plan, self.drives)
         try:
             self.player.prepare()
@@ -148,7 +192,7 @@ class Scene:
 
     def wait(self):
         """Let time pass."""
-        self.twin.advance(self.twin.now + round(AFTER.get(self.board, 0.1) * self.clock))
+        self.twin.advance(self.twin.now + round(self.size.after * self.clock))
         self.note()
 
     @property
@@ -254,9 +298,9 @@ def check_case(board, case, engine="twin"):
     if case.rest == "end of plan":
         assert scene.rest_after <= scene.left + 5
     elif case.rest == "never":
-        assert scene.rest_after > 0.9e3 * AFTER[board]
+        assert scene.rest_after > 0.9e3 * scene.size.after
     else:
-        assert scene.rest_after <= 1.02 * float(case.rest.removesuffix(" ms"))
+        assert scene.rest_after <= 1.02 * float(case.rest.removesuffix(" ms")) * scene.size.share
     assert np.abs(scene.at_fault).min() > 100, "in mid-move"
     if case.silent:
         assert scene.error is None

@@ -36,7 +36,7 @@ class Pair:
 
     def __init__(self, component=Rapcores, shared_dda=0, **options):
         gateware = component(shared_dda=shared_dda, **options)
-        self.rtl = RtlSpiBoard(gateware, clock_hz=reg.CLOCK_HZ)
+        self.rtl = RtlSpiBoard(gateware, clock_hz=reg.CLOCK_HZ, listens=reg.RESET_CYCLES)
         self.least_divider = gateware.min_divider
         self.options = options
         self.profile = options.get("profile", reg.DEFAULT_PROFILE)
@@ -56,7 +56,7 @@ class Pair:
             something in `LATCHES`, looked at now and then.
         """
         twin = RapcoresTwin(bus_pins=True, **self.options)
-        self.rtl.reset()
+        self.rtl.restart()
         changes = traffic.changes()
         twin.schedule(*changes.T)
         for n, pin in enumerate(twin.input_pins):

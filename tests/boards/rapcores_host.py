@@ -28,9 +28,11 @@ class Host:
     def __init__(self, profile="document", *, half=6, **options):
         key = profile, tuple(sorted(options.items()))
         if key not in _boards:
-            _boards[key] = RtlSpiBoard(Rapcores(profile, **options), clock_hz=reg.CLOCK_HZ)
+            _boards[key] = RtlSpiBoard(
+                Rapcores(profile, **options), clock_hz=reg.CLOCK_HZ, listens=READY
+            )
         self.board = _boards[key]
-        self.board.reset()
+        self.board.restart()
         self.half = half
         self.bytes = options.get("word_bits", 64) // 8
         self.free = READY

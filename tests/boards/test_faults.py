@@ -18,6 +18,11 @@ def killed(scene):
     raise KilledError
 
 
+def stalled(scene):
+    """The host stands still for longer than all that the board knows of the plan."""
+    scene.faults.inject("stall", seconds=scene.size.stall, count=1)
+
+
 def killed_at_a_rate(scene):
     scene.driver.stop()
     scene.driver.set_step_rate(0, 3000)
@@ -70,6 +75,26 @@ def stick(scene):
     scene.twin.set_loopback(False)
 
 
+def chain_opened(scene):
+    """The estop chain opens."""
+    if scene.engine == "rtl":
+        scene.twin.set_input("estop_chain", 0)
+    else:
+        scene.twin.set_estop_chain(False)
+
+
+def switched(number):
+    """Return a fault: a switch at an input is hit."""
+
+    def hit(scene):
+        if scene.engine == "rtl":
+            scene.twin.set_input("din", 1 << number)
+        else:
+            scene.twin.set_din(1 << number)
+
+    return hit
+
+
 def noise(scene):
     """Glitches on the lines of an encoder: 15 counts that are no motion."""
     scene.twin.set_encoder(1, scene.twin.state()["enc"][1] + 15)
@@ -86,7 +111,14 @@ USC = (
         rtl=True,
     ),
     Case("link lost", link("cut"), "BusError", "it is lost", "10 ms", check=plays_again),
-    Case("wait line stuck", link("stuck"), "BusTimeoutError", "no board acknowledged", "100 ms"),
+    Case(
+        "wait line stuck",
+        link("stuck"),
+        "BusTimeoutError",
+        "no board acknowledged",
+        "100 ms",
+        rtl=True,
+    ),
     Case(
         "byte to the board lost",
         link("lose", after=1, count=1),
@@ -111,7 +143,12 @@ USC = (
         "20 ms",
         LOOP,
     ),
-    Case("the same three without encoders", link("flip", mask=0x40, after=3, count=1), silent=True),
+    Case(
+        "the same three without encoders",
+        link("flip", mask=0x40, after=3, count=1),
+        silent=True,
+        rtl=True,
+    ),
     Case(
         "byte from the board flipped",
         link("flip", mask=0x80, of="read", count=1),
@@ -129,32 +166,35 @@ USC = (
         rtl=True,
     ),
     Case("host process killed", killed, "", "", "10 ms", check=plays_again, rtl=True),
-    Case("board power-cycled", power_cycle, "EstopError", "in emergency stop", "0 ms"),
+    Case("board power-cycled", power_cycle, "EstopError", "in emergency stop", "0 ms", rtl=True),
     Case("encoder stuck", stick, "FollowingError", "an encoder does not count", "20 ms", ENCODERS),
     Case("encoder noisy", noise, "FollowingError", "an encoder does not count", "20 ms", ENCODERS),
     Case("motor steps lost", slip, "FollowingError", "steps were lost", "20 ms", ENCODERS),
     Case("motor steps lost without encoders", steps_lost, silent=True),
     Case(
         "estop opened",
-        lambda scene: scene.twin.set_estop_chain(False),
+        chain_opened,
         "EstopError",
         "the estop chain opened",
         "0 ms",
+        rtl=True,
     ),
     Case(
         "limit switch in the estop chain",
-        lambda scene: scene.twin.set_estop_chain(False),
+        chain_opened,
         "EstopError",
         "the estop chain opened",
         "0 ms",
+        rtl=True,
     ),
     Case(
         "limit switch at an input",
-        lambda scene: scene.twin.set_din(1 << 9),
+        switched(9),
         "LimitSwitchError",
         "the limit switch at input 9 is hit",
         "20 ms",
         {"inputs": (4, 9)},
+        rtl=True,
     ),
 )
 
@@ -170,13 +210,21 @@ PLUTO = (
         rtl=True,
     ),
     Case("link lost", link("cut"), "BusError", "it is lost", "6.51 ms", check=plays_again),
-    Case("wait line stuck", link("stuck"), "BusTimeoutError", "no board acknowledged", "100 ms"),
+    Case(
+        "wait line stuck",
+        link("stuck"),
+        "BusTimeoutError",
+        "no board acknowledged",
+        "100 ms",
+        rtl=True,
+    ),
     Case(
         "byte to the board lost",
         link("lose", after=1, count=1),
         "FollowingError",
         "steps from where it was commanded to be",
         "100 ms",
+        rtl=True,
     ),
     Case(
         "byte to the board doubled",
@@ -184,6 +232,7 @@ PLUTO = (
         "FollowingError",
         "steps from where it was commanded to be",
         "100 ms",
+        rtl=True,
     ),
     Case(
         "byte to the board flipped",
@@ -191,6 +240,7 @@ PLUTO = (
         "FollowingError",
         "steps from where it was commanded to be",
         "100 ms",
+        rtl=True,
     ),
     Case(
         "byte to the timing register flipped",
@@ -220,6 +270,7 @@ PLUTO = (
         "FollowingError",
         "steps from where it was commanded to be",
         "100 ms",
+        rtl=True,
     ),
     Case(
         "encoder stuck or noisy",
@@ -233,19 +284,21 @@ PLUTO = (
     Case("estop opened", steps_lost, silent=True),
     Case(
         "estop opened, wired to an input",
-        lambda scene: scene.twin.set_din(1 << 4),
+        switched(4),
         "LimitSwitchError",
         "the limit switch at input 4 is hit",
         "20 ms",
         {"inputs": (4, 9)},
+        rtl=True,
     ),
     Case(
         "limit switch at an input",
-        lambda scene: scene.twin.set_din(1 << 9),
+        switched(9),
         "LimitSwitchError",
         "the limit switch at input 9 is hit",
         "20 ms",
         {"inputs": (4, 9)},
+        rtl=True,
     ),
 )
 
@@ -319,6 +372,7 @@ RAPCORES = (
         "FollowingError",
         "steps from where it was commanded to be",
         "150 ms",
+        rtl=True,
     ),
     Case(
         "byte from the board flipped",
@@ -361,6 +415,7 @@ RAPCORES = (
         "an encoder does not count",
         "150 ms",
         {"feedback": True},
+        rtl=True,
     ),
     Case(
         "encoder noisy",
@@ -369,6 +424,7 @@ RAPCORES = (
         "has changed both signals at once",
         "150 ms",
         {"feedback": True},
+        rtl=True,
     ),
     Case(
         "motor steps lost",
@@ -377,6 +433,7 @@ RAPCORES = (
         "steps were lost",
         "150 ms",
         {"feedback": True},
+        rtl=True,
     ),
     Case("motor steps lost without encoders", steps_lost, silent=True),
     Case(
@@ -395,6 +452,7 @@ RAPCORES = (
         "the board was halted",
         "0.1 ms",
         check=keeps_position,
+        rtl=True,
     ),
 )
 
@@ -409,12 +467,18 @@ S3G = (
         "no reply",
         "500 ms",
         check=plays_again,
+        rtl=True,
     ),
     Case("link lost", link("cut"), "BusError", "it is lost", "500 ms", check=plays_again),
     Case("wait line stuck", link("stuck")),
-    Case("byte to the board lost", link("lose", after=20, count=1), check=retried),
-    Case("byte to the board doubled", link("double", after=20, count=1), check=retried),
-    Case("byte to the board flipped", link("flip", mask=0x10, after=20, count=1), check=retried),
+    Case("byte to the board lost", link("lose", after=20, count=1), check=retried, rtl=True),
+    Case("byte to the board doubled", link("double", after=20, count=1), check=retried, rtl=True),
+    Case(
+        "byte to the board flipped",
+        link("flip", mask=0x10, after=20, count=1),
+        check=retried,
+        rtl=True,
+    ),
     Case("byte from the board lost", link("lose", of="read", after=2, count=1), check=retried),
     Case(
         "byte from the board flipped",
@@ -432,14 +496,15 @@ S3G = (
     ),
     Case(
         "host stalled for 1 s",
-        link("stall", seconds=1.0, count=1),
+        stalled,
         "StarvedError",
         "has stopped by itself",
         "500 ms",
         check=resumes,
+        rtl=True,
     ),
-    Case("host process killed", killed, "", "", "500 ms", check=tells_and_plays_again),
-    Case("host process killed while a rate is set", killed_at_a_rate, "", "", "never"),
+    Case("host process killed", killed, "", "", "500 ms", check=tells_and_plays_again, rtl=True),
+    Case("host process killed while a rate is set", killed_at_a_rate, "", "", "never", rtl=True),
     Case(
         "board power-cycled",
         power_cycle,
@@ -447,6 +512,7 @@ S3G = (
         "it has lost power or was reset",
         "0 ms",
         check=plays_again,
+        rtl=True,
     ),
     Case(
         "encoder stuck or noisy",
@@ -488,6 +554,16 @@ def test_on_the_twin(board, case):
 @pytest.mark.parametrize("board", CASES)
 def test_table_and_cases_agree(board):
     check_rows(board, CASES[board])
+
+
+@pytest.mark.parametrize("real_time", [True, False])
+def test_a_late_host_is_told_of_the_closed_loop_on_links_in_real_time(real_time):
+    scene = Scene("usc")
+    scene.driver.bus.in_real_time = real_time
+    scene.play(link("delay", seconds=0.002))
+    assert type(scene.error).__name__ == "LateError"
+    told = "\n".join(getattr(scene.error, "__notes__", ()))
+    assert ("[encoders]" in told) == ("loopback" in told) == real_time
 
 
 NOISY = {"usc": LOOP, "rapcores": {}, "s3g": {}}  # pluto_step: not its timing register

@@ -90,7 +90,7 @@ def test_the_trace_has_the_changes_of_every_bit_once(board):
     second = board.drain()
     assert (second.start, second.end, second.initial.tolist()) == (133, 1000, [1, 1])
     assert [cycles.tolist() for cycles in second.cycles] == [[133, 266, 400], [133, 400]]
-    board.reset()
+    board.restart()
     assert board.now == 0
     board.advance(50)
     assert not np.concatenate(board.drain().cycles).size

@@ -155,6 +155,33 @@ def test_other_answers_are_errors(answers, message):
         S3GDriver(Script(*answers)).identify()
 
 
+class InPieces(Script):
+    """A port whose answers arrive in two pieces: the first bytes, and 2 ms later the others."""
+
+    def __init__(self, first, *answers):
+        super().__init__(*answers)
+        self.first, self.coming, self.due = first, b"", 0
+
+    def write(self, data):
+        super().write(data)
+        self.pending, self.coming = self.pending[: self.first], self.pending[self.first :]
+        self.due = self.time + 2 * MS
+
+    def read(self, max_bytes, timeout_s, *, min_bytes=1):
+        if len(self.pending) < min_bytes:
+            self.time = min(self.time + round(timeout_s * self.clock_hz), max(self.time, self.due))
+            if self.time >= self.due:
+                self.pending, self.coming = self.pending + self.coming, b""
+        return super().read(max_bytes, timeout_s, min_bytes=min_bytes)
+
+
+@pytest.mark.parametrize("first", range(1, 8))
+def test_an_answer_that_arrives_in_pieces_is_waited_for_no_longer_than_it_takes(first):
+    bus = InPieces(first, "81bace")
+    assert S3GDriver(bus).request("VERSION") == {"version": 0xCEBA}
+    assert bus.time == 2 * MS
+
+
 def test_an_answer_to_an_earlier_request_is_not_taken_for_this_one():
     late = packets.frame(bytes.fromhex("0100810000"))
     bus = Script(late + packets.frame(bytes.fromhex("ffff5003000000")), "81bace")

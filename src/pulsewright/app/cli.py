@@ -67,6 +67,9 @@ def run(
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Keep all that goes over the link.")
     ] = None,
+    referenced: Annotated[
+        bool, typer.Option("--referenced", help="The machine was referenced after a failed run.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Interpret, plan, convert, run and verify a program; exit 0 only if every check passes."""
@@ -83,6 +86,7 @@ def run(
             out=out,
             vcd=vcd,
             record=record,
+            referenced=referenced,
             progress=report_progress,
         )
     _judge(result, as_json)

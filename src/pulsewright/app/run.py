@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +21,8 @@ from pulsewright.app.planning import (
     require_certificate,
 )
 from pulsewright.app.progress import Progress, silent
+from pulsewright.app.standing import Standing
+from pulsewright.boards.board import Board
 from pulsewright.boards.playing import Drives, Player
 from pulsewright.boards.watching import Feedback, LimitSwitches
 from pulsewright.edges.path import numbered_pins
@@ -54,6 +56,8 @@ UNSEEN: Final = (
     "velocity and acceleration of the motors",
     "pulse width, space, direction setup and hold at the pins, and steps lost behind them",
 )
+UNKNOWN: Final = "the position is unknown: reference the machine before it runs on"
+SAY_SO: Final = "and say so with --referenced"
 CHUNK: Final = 5.0  # machine time handled at once [s]: bounds the memory of a job of any length
 
 
@@ -125,6 +129,7 @@ class Job:
         vcd: bool = False,
         record: Path | str | None = None,
         faults: Faults | None = None,
+        referenced: bool = False,
         progress: Progress = silent,
     ) -> Result:
         """Run on a board and verify the step edges; write reports to ``out`` unless None.
@@ -144,6 +149,9 @@ class Job:
             File that keeps all that goes over the link, for `pulsewright replay`.
         faults : Faults, optional
             What goes wrong on the link; see `transport.faults`.
+        referenced : bool
+            The machine has been referenced since it moved the last time. To be said where a run on
+            this link has ended, or was killed, with the position unknown.
 
         Raises
         ------
@@ -151,6 +159,9 @@ class Job:
             If board, profile or link cannot be used as asked, or files cannot be written.
         MotionLimitError
             If the board cannot follow the machine's rates.
+        PositionUnknownError
+            If the position of the machine is unknown, from an earlier run on this link or by what
+            the board tells of itself.
         BusError, EstopError
             If the link failed, or the board stopped by itself.
         FollowingError, LimitSwitchError
@@ -158,17 +169,37 @@ class Job:
             has ``encoders`` and ``switches`` and the board can tell.
         """
         settings, machine = self.machine.board, self.machine
-        name = board or settings.name
+        name, link = board or settings.name, link or machine.link.url
         room = boards.get(name)
-        own = name == settings.name  # what the machine file says holds for its own board only
-        driver = boards.open_board(
-            name,
-            link or machine.link.url,
-            profile=profile or (settings.profile if own else None),
-            record=record,
-            faults=faults,
-            **room.parameters_for(machine.motors) | _switches(machine if own else None),
-        )
+        # what the machine file says holds for its own board only
+        own = machine if name == settings.name else None
+        with Standing(link, self.program.path, referenced=referenced) as standing:
+            standing.driver = driver = boards.open_board(
+                name,
+                link,
+                profile=profile or (settings.profile if own else None),
+                record=record,
+                faults=faults,
+                **room.parameters_for(machine.motors) | _switches(own),
+            )
+            if vcd and not hasattr(driver.bus, "twin"):
+                driver.close()
+                raise UsageError(
+                    f"link '{link}' does not record step edges, which trace.vcd holds; leave it "
+                    f"out, or use twin:"
+                )
+            return self._run_on(driver, room, _watched(own), out, vcd, progress)
+
+    def _run_on(
+        self,
+        driver: Any,
+        room: Board,
+        watched: Mapping[str, Any],
+        out: Path | str | None,
+        vcd: bool,
+        progress: Progress,
+    ) -> Result:
+        machine = self.machine
         matrix = machine.motor_matrix()
         rows, _, acceleration = limits = machine.limit_rows()
         rates, accelerations, jerks = machine.motor_limits().tolist()
@@ -180,19 +211,11 @@ class Job:
         )
         with self._place_told(driver), driver:
             recorder = getattr(driver.bus, "twin", None)
-            if recorder is None and vcd:
-                raise UsageError(
-                    f"link '{link or machine.link.url}' does not record step edges, which "
-                    f"trace.vcd holds; leave it out, or use twin:"
-                )
             held = AxisLimits(rows @ np.linalg.pinv(matrix), acceleration, machine.jerk_limits())
             player = room.player(
                 driver,
                 self.trajectory.mapped(matrix),
-                Drives(
-                    *(rates, accelerations, jerks, drive, held),
-                    **_watched(machine if own else None),
-                ),
+                Drives(rates, accelerations, jerks, drive, held, **watched),
             )
             with self.clock.stage("convert and run"):
                 player.prepare()
@@ -283,7 +306,7 @@ class Job:
         except BaseException as error:
             stop = driver.stopped_at
             if not driver.position_known:
-                error.add_note("the position is unknown: reference the machine before it runs on")
+                error.add_note(UNKNOWN if hasattr(driver.bus, "twin") else f"{UNKNOWN}, {SAY_SO}")
             elif stop is not None:
                 place = self.trajectory.at(stop.time)[0]
                 axes = [f"{a} {place[AXES.index(a)]:.3f}" for a in self.machine.axes]
@@ -492,6 +515,7 @@ def run_file(
     out: Path | None = None,
     vcd: bool = False,
     record: Path | None = None,
+    referenced: bool = False,
     progress: Progress = silent,
 ) -> Result:
     """Do the main job as the command line does: reports go to out/<program> unless told."""
@@ -503,6 +527,7 @@ def run_file(
         out=out if out is not None else Path("out") / path.stem,
         vcd=vcd,
         record=record,
+        referenced=referenced,
         progress=progress,
     )
 

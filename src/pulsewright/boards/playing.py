@@ -34,6 +34,11 @@ ROUNDING: Final = 1.0  # by which a position in motion may differ beside the way
 PORTION: Final = 16  # updates that are streamed at once, at first
 QUICK: Final = 0.01  # portions that take less time of the host are doubled [s], ...
 SLOW: Final = 0.04  # ... and those that take more are halved
+CLOSED: Final = (
+    "with an encoder on each motor (a machine file's [encoders]), or the steps looped back to the "
+    "encoder inputs (loopback in its [board.options]), a plan is played in closed loop, where the "
+    "host may be late"
+)
 SETTLED: Final = 2  # updates ahead of the next one, up to which a plan may have been looked at
 
 
@@ -350,9 +355,8 @@ class UpdatePlayer(Player, Generic[U]):
             raise UsageError(
                 f"{self.driver.registers.board}: this link carries out commands when the host gets "
                 f"to them, not at their clock cycle, and a plan would lose its place by the "
-                f"difference; with encoders on all motors (a machine file's [encoders]) it is "
-                f"played in closed loop, and without them on links that keep times: simulated and "
-                f"served boards"
+                f"difference; {CLOSED}; without that it takes a link that keeps times: a simulated "
+                f"or served board"
             )
         super().prepare()
 
@@ -385,6 +389,11 @@ class UpdatePlayer(Player, Generic[U]):
         if self._off() is None:
             return (ran,)
         return (ran, "positions that the board tells, now and then, and at the end of the plan")
+
+    def _lost(self, error: BaseException) -> None:
+        super()._lost(error)
+        if isinstance(error, LateError) and self.driver.bus.in_real_time:
+            error.add_note(f"this computer was too late; {CLOSED}")
 
     def _play(self, until: float) -> None:
         left = self.converter.updates_until(until)

@@ -57,19 +57,35 @@ class RtlEppBoard:
         self.pins = tuple(
             f"{pins[port]}{bit}" if widths[port] > 1 else pins[port] for port, bit in self._bits
         )
-        self.reset()
+        self.restart()
 
     @property
     def now(self) -> int:
         """Cycle up to which time has passed."""
         return max(self._simulation.cycle - 1, 0)
 
-    def reset(self) -> None:
+    def restart(self) -> None:
         """Start again: clock edge 0 is the next one, and all registers have their reset values."""
         self._simulation.reset()
+        self._inputs["cycle"] = 0
         self._rows = [self._simulation.run(1, self._inputs)]
         self._free = 0  # cycle from which on the bus is free
         self._start, self._levels = 0, np.zeros(len(self.pins), np.uint8)
+
+    def reset(self) -> None:
+        """Bring all registers to their reset values, as power-up does, while time goes on."""
+        self._apply(rst=1)
+        self._apply(rst=0)
+
+    def set_input(self, port: str, level: int) -> None:
+        """Set an input port other than the bus, from the next clock edge on."""
+        self._apply(**{port: level})
+
+    def _apply(self, **levels: int) -> None:
+        for port, level in levels.items():
+            self._inputs[port] = level
+        self._inputs["cycle"] = cycle = self._simulation.cycle
+        self._rows.append(self._simulation.run(cycle + 1, self._inputs))
 
     def advance(self, cycle: int) -> None:
         """Run through clock edge ``cycle`` without bus access."""

@@ -83,14 +83,14 @@ class RtlSerialBoard:
         )
         self._simulation = RtlSimulation(component)
         self._idle = dict(idle) | {port.rx: 1 for port in ports}
-        self.reset()
+        self.restart()
 
     @property
     def now(self) -> int:
         """Present cycle: its edge is done."""
         return self._simulation.cycle - 1
 
-    def reset(self) -> None:
+    def restart(self) -> None:
         """Start again: edge 0 is done, and all registers have their reset values."""
         self._simulation.reset()
         self._levels = np.zeros(1, self._simulation.inputs)
@@ -102,6 +102,12 @@ class RtlSerialBoard:
         self._rows: list[NDArray[np.void]] = []
         self._start, self._last = 0, self._begin
         self.advance(0)
+
+    def reset(self) -> None:
+        """Bring all registers to their reset values, and let time pass until the board listens."""
+        start = self.now + 1
+        self._changes += [(start, "rst", 1), (start + 1, "rst", 0)]
+        self.advance(start + 1 + self._listens)
 
     def advance(self, cycle: int) -> None:
         """Let time pass through edge ``cycle``.
@@ -121,11 +127,13 @@ class RtlSerialBoard:
             self._levels["cycle"] = at
             rows[n] = self._levels[0]
         seen = self._simulation.run(cycle + 1, rows)
-        self._rows.append(seen)
+        if len(seen):
+            self._rows.append(seen)
         for port, line in zip(self._ports, self._lines, strict=True):
-            changed = np.diff(seen[port.tx].astype(np.int8), prepend=np.int8(line.level)) != 0
-            for at, level in seen[["cycle", port.tx]][changed].tolist():
-                self._edge(port, line, at, level)
+            if len(seen):
+                changed = np.diff(seen[port.tx].astype(np.int8), prepend=np.int8(line.level)) != 0
+                for at, level in seen[["cycle", port.tx]][changed].tolist():
+                    self._edge(port, line, at, level)
             self._complete(port, line, cycle)
 
     def send(self, port: int, data: bytes) -> int:

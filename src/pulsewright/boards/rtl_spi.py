@@ -40,21 +40,23 @@ class RtlSpiBoard:
         The board, which is a `SpiBoard`.
     clock_hz : int
         Its clock [Hz].
+    listens : int
+        Cycles from a reset until the board takes a frame.
     """
 
-    def __init__(self, component: Component, *, clock_hz: int) -> None:
-        self.clock_hz = clock_hz
+    def __init__(self, component: Component, *, clock_hz: int, listens: int) -> None:
+        self.clock_hz, self._listens = clock_hz, listens
         self._inputs: Pins = component.input_pins
         self._outputs: Pins = component.output_pins
         self._simulation = RtlSimulation(component)
-        self.reset()
+        self.restart()
 
     @property
     def now(self) -> int:
         """Present cycle: its edge is done."""
         return self._simulation.cycle - 1
 
-    def reset(self) -> None:
+    def restart(self) -> None:
         """Start again: edge 0 is done, and all registers have their reset values."""
         self._simulation.reset()
         self._levels = {port: 0 for port, _ in self._inputs.values()}
@@ -68,6 +70,12 @@ class RtlSpiBoard:
         self.advance(0)
         last = self._rows[0][0]
         self._before = np.array([last[p] >> b & 1 for p, b in self._outputs.values()], np.uint8)
+
+    def reset(self) -> None:
+        """Pulse ``rst_n``, and let time pass until the board listens again."""
+        start = self.now + 1
+        self.schedule([start, start + 1], "rst_n", [0, 1])
+        self.advance(start + 1 + self._listens)
 
     def advance(self, cycle: int) -> None:
         """Let time pass through edge ``cycle``.

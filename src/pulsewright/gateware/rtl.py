@@ -82,6 +82,7 @@ class RtlSimulation:
             design = rtlil.convert(component, name="top", emit_src=False)
         self._library = _load(_compiled(design, _driver(ins, outs, self._has_epp)))
         self._bench = 0
+        self._out = np.empty(_CHUNK, self.outputs)
         self.reset()
 
     def __del__(self) -> None:
@@ -163,11 +164,12 @@ class RtlSimulation:
         return changes
 
     def _collect(self, call: Callable[[int], int], done: Callable[[], bool]) -> NDArray[np.void]:
-        chunks = [np.zeros(0, self.outputs)]
+        chunks = []
         while not done():
-            out = np.empty(_CHUNK, self.outputs)
-            chunks.append(out[: call(out.ctypes.data)].copy())
-        return np.concatenate(chunks)
+            chunks.append(self._out[: call(self._out.ctypes.data)].copy())
+        if len(chunks) == 1:
+            return chunks[0]
+        return np.concatenate([np.zeros(0, self.outputs), *chunks])
 
 
 def cache_folder() -> Path:

@@ -45,10 +45,10 @@ def _twin(profile: str = DEFAULT_PROFILE, **options: Any) -> RapcoresTwin:
 
 def _rtl(profile: str = DEFAULT_PROFILE, **options: Any) -> RtlSpiBoard:
     from pulsewright.boards.rapcores.gateware import Rapcores
-    from pulsewright.boards.rapcores.registers import CLOCK_HZ
+    from pulsewright.boards.rapcores.registers import CLOCK_HZ, RESET_CYCLES
     from pulsewright.boards.rtl_spi import RtlSpiBoard
 
-    return RtlSpiBoard(Rapcores(profile, **options), clock_hz=CLOCK_HZ)
+    return RtlSpiBoard(Rapcores(profile, **options), clock_hz=CLOCK_HZ, listens=RESET_CYCLES)
 
 
 def _gateware(profile: str = DEFAULT_PROFILE, axes: int | None = None, **options: Any) -> Rapcores:

@@ -433,7 +433,7 @@ class S3GDriver(Driver[SerialBus]):
         """
         end = self._after(timeout)
         while True:
-            for reply in self._replies(0.0 if self._events else self._seconds_to(end), 1):
+            for reply in self._replies(0.0 if self._events else self._seconds_to(end)):
                 self._sort(reply)
             if self._events or self.bus.now() >= end:
                 events, self._events = self._events, []
@@ -619,22 +619,27 @@ class S3GDriver(Driver[SerialBus]):
 
         A damaged request is answered with the tag as it arrived, so any such answer is taken.
         """
-        for reply in self._replies(0.0, 1):  # what came since the last time
+        for reply in self._replies(0.0):  # what came since the last time
             self._sort(reply)
         self.bus.write(packet)
         end = self._after(timeout + len(packet) * FRAME_BITS / self.baud)
-        least = SHORTEST_REPLY
+        read, least = 0, SHORTEST_REPLY
         while (left := self._seconds_to(end)) > 0:
-            for reply in self._replies(left, least):
+            data = self.bus.read(1 << 16, left, min_bytes=least)
+            for reply in self._parsed(data):
                 if reply.tag == tag or reply.code == reg.REPLY_ERROR:
                     return reply
                 self._sort(reply)
-            least = max(wanted - SHORTEST_REPLY, 1) if least == SHORTEST_REPLY else 1
+            read += len(data)
+            least = max(wanted - read, 1)
         return None
 
-    def _replies(self, timeout: float, least: int) -> list[packets.Reply]:
-        """Read what the board has sent, at least so many bytes; return the packets in it."""
-        data = self.bus.read(1 << 16, timeout, min_bytes=least)
+    def _replies(self, timeout: float) -> list[packets.Reply]:
+        """Return the packets that the board has sent."""
+        return self._parsed(self.bus.read(1 << 16, timeout))
+
+    def _parsed(self, data: bytes) -> list[packets.Reply]:
+        """Return the packets that are complete with these bytes."""
         return [packets.Reply.parse(payload) for payload in self._decoder.feed(data)]
 
     def _sort(self, reply: packets.Reply) -> None:

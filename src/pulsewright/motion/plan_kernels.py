@@ -527,13 +527,15 @@ def _pieces(
 
 
 @_part
-def _use(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> tuple[float, float, float]:
-    """Return the used shares of velocity, acceleration and jerk on cell ``c``, at worst."""
+def _use(
+    cells: Cells, b: Floats, a: Floats, c: int, split: float
+) -> tuple[float, float, float, float]:
+    """Return the time of cell ``c``, and the used shares of velocity, acceleration and jerk."""
     share, row = cells.share, cells.row[c]
     a0, a1 = a[c], a[c + 1]
     time, am, vm = _pieces(b[c], b[c + 1], a0, a1, cells.size[c], split)
     if time < 0.0:
-        return 1.0, 1.0, 8.0
+        return time, 1.0, 1.0, 8.0
     v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
     top, low = max(v0, v1, vm), vm
     if a0 * am < 0.0:  # an extreme inside the first piece
@@ -543,7 +545,7 @@ def _use(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> tuple[floa
         inside = vm + 0.5 * am * (1.0 - split) * time * am / (am - a1)
         top, low = max(top, inside), min(low, inside)
     if low < 0.0:
-        return 1.0, 1.0, 8.0
+        return time, 1.0, 1.0, 8.0
     rate = max(abs(a0), abs(a1), abs(am))
     j = max(abs(am - a0) / split, abs(a1 - am) / (1.0 - split)) / time
     velocity, acceleration, jerk = top / cells.feed[c], 0.0, 0.0
@@ -553,13 +555,13 @@ def _use(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> tuple[floa
         acceleration = max(acceleration, share[row, r, 3] * square + share[row, r, 1] * rate)
         used = share[row, r, 5] * cube + share[row, r, 4] * mixed + share[row, r, 2] * j
         jerk = max(jerk, used)
-    return velocity, acceleration, jerk
+    return time, velocity, acceleration, jerk
 
 
 @_part
 def _holds(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> bool:
     """Return whether the law of a cell keeps the limits."""
-    v, s, j = _use(cells, b, a, c, split)
+    _, v, s, j = _use(cells, b, a, c, split)
     return max(v, s, j) <= 1.0 + ROUNDING
 
 
@@ -664,7 +666,7 @@ def _check(
                 task.soft[near] *= 0.9
                 task.ease[near] = min(task.ease[near], max(0.95 * level / task.cap[near], 1e-3))
             continue
-        v, s, j = _use(cells, b, a, c, 0.5)
+        _, v, s, j = _use(cells, b, a, c, 0.5)
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
@@ -757,7 +759,7 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     worst, cells = 1.0, task.cells
     for c in range(first, last):
         task.split[c] = 0.5
-        v, s, j = _use(cells, b, a, c, 0.5)
+        _, v, s, j = _use(cells, b, a, c, 0.5)
         worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
     for i in range(first, last + 1):
         b[i] /= worst * worst
@@ -767,76 +769,81 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 @_part
 def _raise(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Raise speeds between two nodes where they are far below the second-order optimum."""
-    size, best = task.cells.size, task.work[6]
+    cells, best, place, span = task.cells, task.work[6], task.work[0], task.work[1]
+    passed, lost = task.work[2], task.work[3]  # until a node; lost is what ``best`` would save
     for c in range(first, last):
         task.ease[c] = 1.0
     best[first], best[last] = b[first], b[last]
     _envelope(task, best, first, last)
-    if _lost(size, b, best, first, last) < WORTH:
+    _add_up(cells.size, b, best, first, last, passed, lost)
+    if not lost[last] >= WORTH * passed[last]:
         return
+    place[first] = 0.0
+    for c in range(first, last):
+        place[c + 1] = place[c] + cells.size[c]
+        span[c] = _pieces(b[c], b[c + 1], a[c], a[c + 1], cells.size[c], task.split[c])[0]
     width = WIDE
     while width > 1:
         low = first
         while low + 1 < last:
             high = min(low + width, last)
-            if _lost(size, b, best, low, high) > GAIN:
-                for share in RAISES:
-                    _raised(task, b, a, low, high, share)
+            if lost[high - 1] - lost[low] > GAIN * (passed[high - 1] - passed[low]):
+                _raised(task, b, a, low, high)
             low += width // 2
         width //= 2
+        _add_up(cells.size, b, best, first, last, passed, lost)
 
 
 @_part
-def _lost(size: Floats, b: Floats, best: Floats, first: int, last: int) -> float:
-    """Return the share of time between two nodes that would be saved with ``best``."""
-    time, lost = 0.0, 0.0
+def _add_up(
+    size: Floats, b: Floats, best: Floats, first: int, last: int, passed: Floats, lost: Floats
+) -> None:
+    """Put about the times until nodes into ``passed``, and what ``best`` would save into ``lost``.
+
+    These of the last node are those of the one before it.
+    """
+    passed[first], lost[first] = 0.0, 0.0
     for i in range(first + 1, last):
         span = size[i] / math.sqrt(b[i])
-        time += span
-        lost += span * (1.0 - math.sqrt(b[i] / best[i]))
-    return lost / time if time > 0.0 else 0.0
+        passed[i] = passed[i - 1] + span
+        lost[i] = lost[i - 1] + span * (1.0 - math.sqrt(b[i] / best[i]))
+    passed[last], lost[last] = passed[last - 1], lost[last - 1]
 
 
 @_part
-def _raised(task: Task, b: Floats, a: Floats, low: int, high: int, share: float) -> bool:
-    """Raise ``b`` between two nodes by a smooth factor; tell whether that saves time.
-
-    If it does not, or breaks a limit, nothing changes.
+def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
+    """Raise ``b`` between two nodes by a smooth factor, if that saves time and keeps the limits.
 
     The factor is 1 + share (1 - z^2)^3 for z from -1 to 1, so b, a and the jerk have no jump.
     """
-    cells, size, old, slope = task.cells, task.cells.size, task.work[0], task.work[1]
-    half = 0.0
-    for c in range(low, high):
-        half += 0.5 * size[c]
-    z = -1.0
-    before = _time(task, b, a, low, high)
-    for i in range(low + 1, high):
-        z += size[i - 1] / half
-        old[i], slope[i] = b[i], a[i]
-        flat = 1.0 - z * z
-        factor = 1.0 + share * flat * flat * flat
-        a[i] = a[i] * factor - 3.0 * share * z * flat * flat / half * b[i]
-        b[i] *= factor
-    better = True
-    for c in range(low, high):
-        if not _holds(cells, b, a, c, task.split[c]):
-            better = False
-            break
-    if better and _time(task, b, a, low, high) < before:
-        return True
-    for i in range(low + 1, high):
-        b[i], a[i] = old[i], slope[i]
-    return False
-
-
-@_part
-def _time(task: Task, b: Floats, a: Floats, first: int, last: int) -> float:
-    """Return the time between two nodes."""
-    time = 0.0
-    for c in range(first, last):
-        time += _pieces(b[c], b[c + 1], a[c], a[c + 1], task.cells.size[c], task.split[c])[0]
-    return time
+    cells, split, place, span = task.cells, task.split, task.work[0], task.work[1]
+    square, slope = task.work[4], task.work[5]
+    half, middle = 0.5 * (place[high] - place[low]), 0.5 * (place[high] + place[low])
+    worst = low  # the cell that broke a limit
+    for share in RAISES:
+        for i in range(low, high + 1):
+            z = (place[i] - middle) / half
+            flat = max(1.0 - z * z, 0.0)
+            bump = share * flat * flat
+            factor = 1.0 + bump * flat
+            square[i] = b[i] * factor
+            slope[i] = a[i] * factor - 3.0 * z * bump / half * b[i]
+        time, v, s, j = _use(cells, square, slope, worst, split[worst])
+        if max(v, s, j) > 1.0 + ROUNDING:
+            continue
+        saved = 0.0
+        holds = True
+        for c in range(low, high):
+            time, v, s, j = _use(cells, square, slope, c, split[c])
+            if max(v, s, j) > 1.0 + ROUNDING:
+                holds, worst = False, c
+                break
+            saved += span[c] - time
+        if holds and saved > 0.0:
+            for i in range(low + 1, high):
+                b[i], a[i] = square[i], slope[i]
+            for c in range(low, high):
+                span[c] = _pieces(b[c], b[c + 1], a[c], a[c + 1], cells.size[c], split[c])[0]
 
 
 @_part

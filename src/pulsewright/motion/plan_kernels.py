@@ -820,20 +820,21 @@ def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
     square, slope = task.work[4], task.work[5]
     half, middle = 0.5 * (place[high] - place[low]), 0.5 * (place[high] + place[low])
     worst = low  # the cell that broke a limit
+    square[low], slope[low] = b[low], a[low]
     for share in RAISES:
-        for i in range(low, high + 1):
-            z = (place[i] - middle) / half
-            flat = max(1.0 - z * z, 0.0)
-            bump = share * flat * flat
-            factor = 1.0 + bump * flat
-            square[i] = b[i] * factor
-            slope[i] = a[i] * factor - 3.0 * z * bump / half * b[i]
-        time, v, s, j = _use(cells, square, slope, worst, split[worst])
+        if worst > low:
+            _bump(b, a, place, worst, middle, half, share, square, slope)
+        if worst + 1 < high:
+            _bump(b, a, place, worst + 1, middle, half, share, square, slope)
+        _, v, s, j = _use(cells, square, slope, worst, split[worst])
         if max(v, s, j) > 1.0 + ROUNDING:
             continue
         saved = 0.0
         holds = True
+        square[high], slope[high] = b[high], a[high]
         for c in range(low, high):
+            if c + 1 < high:
+                _bump(b, a, place, c + 1, middle, half, share, square, slope)
             time, v, s, j = _use(cells, square, slope, c, split[c])
             if max(v, s, j) > 1.0 + ROUNDING:
                 holds, worst = False, c
@@ -844,6 +845,27 @@ def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
                 b[i], a[i] = square[i], slope[i]
             for c in range(low, high):
                 span[c] = _pieces(b[c], b[c + 1], a[c], a[c + 1], cells.size[c], split[c])[0]
+
+
+@_part
+def _bump(
+    b: Floats,
+    a: Floats,
+    place: Floats,
+    i: int,
+    middle: float,
+    half: float,
+    share: float,
+    square: Floats,
+    slope: Floats,
+) -> None:
+    """Put raised values of ``b`` and ``a`` at a node into ``square`` and ``slope``."""
+    z = (place[i] - middle) / half
+    flat = 1.0 - z * z
+    bump = share * flat * flat
+    factor = 1.0 + bump * flat
+    square[i] = b[i] * factor
+    slope[i] = a[i] * factor - 3.0 * z * bump / half * b[i]
 
 
 @_part

@@ -53,6 +53,7 @@ WORTH = 0.01  # of a run's time, lost to the jerk: then it is worth to raise spe
 GAIN = 0.03  # the same of some cells
 WIDE = 32  # cells whose speeds are raised together, at most; and half as many, and so on
 RAISES = (0.3, 0.09, 0.027)  # of the squares of speeds, in the middle of these cells
+NEVER = 1.08  # of the second-order optimum: squares of speeds are lower
 PARTS = 4096  # cells of one element at most
 
 
@@ -71,6 +72,7 @@ class Cells(NamedTuple):
     rest: NDArray[np.bool_]  # (n,) whether the machine rests at the end
     row: Ints  # (n,) of ``share``: cells of one line have the same
     share: Floats  # (p, r, 6)
+    rows: Ints  # (p,) how many rows of it matter: they come first
 
 
 @_part
@@ -112,10 +114,10 @@ def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, sha
 
 
 @_part
-def _cap(share: Floats, feed: float) -> float:
+def _cap(share: Floats, rows: int, feed: float) -> float:
     """Return the largest square of the speed on a cell."""
     top = feed * feed
-    for r in range(share.shape[0]):
+    for r in range(rows):
         if share[r, 0] > 0.0:
             top = min(top, 1.0 / (share[r, 0] * share[r, 0]))
         if share[r, 3] > 0.0:
@@ -234,7 +236,7 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
         if path.length[e] == 0.0:
             continue
         _bound(path, limits, e, 0.0, path.length[e], share[e])
-        cap[e] = _cap(share[e], path.feed[e])
+        cap[e] = _cap(share[e], rows, path.feed[e])
         steepest = 0.0
         for r in range(rows):
             steepest = max(steepest, share[e, r, 1])
@@ -340,20 +342,36 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
                     for k in range(6):
                         share[used, r, k] = max(share[used, r, k], share[j, r, k])
         used += 1
-    return Cells(element[:n], offset[:n], length[:n], feed, rest, row, share[:used])
+    matter = np.empty(used, np.int64)
+    for p in range(used):
+        matter[p] = _compacted(share[p])
+    return Cells(element[:n], offset[:n], length[:n], feed, rest, row, share[:used], matter)
 
 
 @_part
-def _free(share: Floats, b: float) -> tuple[float, float]:
+def _compacted(share: Floats) -> int:
+    """Put the rows that matter first, and return how many: where the path is straight, one."""
+    rows = share.shape[0]
+    for r in range(rows):
+        if share[r, 3] > 0.0 or share[r, 5] > 0.0:
+            return rows
+    for k in range(3):
+        for r in range(1, rows):
+            share[0, k] = max(share[0, k], share[r, k])
+    return 1
+
+
+@_part
+def _free(share: Floats, rows: int, b: float) -> tuple[float, float]:
     """Return the path acceleration and jerk that a cell allows at the square of speed ``b``."""
     v, least = math.sqrt(b), 0.0
     a, j = math.inf, math.inf
-    for r in range(share.shape[0]):
+    for r in range(rows):
         if share[r, 1] > 0.0:
             a = min(a, (RAMP_SHARE - share[r, 3] * b) / share[r, 1])
         if share[r, 4] > 0.0:
             a = min(a, COUPLED_SHARE * (1.0 - share[r, 5] * b * v) / (share[r, 4] * v))
-    for r in range(share.shape[0]):
+    for r in range(rows):
         if share[r, 2] > 0.0:
             used = share[r, 5] * b * v + share[r, 4] * v * a
             j = min(j, (JERK_SHARE - used) / share[r, 2])
@@ -403,6 +421,10 @@ def _climb(
         k = i + way
         rise = min(rise, ramp[c])
         top = ramp[c] if k == last else min(ramp[c], ramp[c + way])
+        if b[k] <= b[i]:  # that is less than any slope asks
+            rise = 0.0
+            i = k
+            continue
         after, slope = _gain(math.sqrt(b[i]), rise, top, jerk[c], size[c])
         if k != last and after < b[k]:
             b[k], a[k], rise = after, way * slope, slope
@@ -433,6 +455,7 @@ def _round_peaks(
     span: Floats,
     moment: Floats,
     weight: Floats,
+    bend: Floats,
 ) -> None:
     """Lower ``b`` such that the slope falls no faster than the jerk allows.
 
@@ -443,7 +466,7 @@ def _round_peaks(
     node[0] = first
     for k in range(first + 1, last + 1):
         c = k - 1
-        u = _bend(drive, jerk, c)
+        bend[c] = u = _bend(drive, jerk, c)
         # from the node before: distance, integral of u, and integral of that
         x, w, q = size[c], u * size[c], 0.5 * u * size[c] * size[c]
         while n > 0:
@@ -468,12 +491,12 @@ def _round_peaks(
         here = b[i]
         for j in range(i + 1, k):
             c = j - 1
-            u = _bend(drive, jerk, c)
+            u = bend[c]
             here += (2.0 * rate - u * size[c]) * size[c]
             rate -= u * size[c]
             if here < b[j]:
                 b[j], a[j] = max(here, 0.0), rate
-        rate -= _bend(drive, jerk, k - 1) * size[k - 1]
+        rate -= bend[k - 1] * size[k - 1]
         if k < last and not math.isnan(a[k]):
             a[k] += TANGENT_SHARE * (rate - a[k])
 
@@ -547,10 +570,11 @@ def _use(
     if low < 0.0:
         return time, 1.0, 1.0, 8.0
     rate = max(abs(a0), abs(a1), abs(am))
-    j = max(abs(am - a0) / split, abs(a1 - am) / (1.0 - split)) / time
+    most = max(abs(am - a0) * (1.0 - split), abs(a1 - am) * split)
+    j = most / (split * (1.0 - split) * time)
     velocity, acceleration, jerk = top / cells.feed[c], 0.0, 0.0
     square, cube, mixed = top * top, top * top * top, top * rate
-    for r in range(share.shape[1]):
+    for r in range(cells.rows[row]):
         velocity = max(velocity, share[row, r, 0] * top)
         acceleration = max(acceleration, share[row, r, 3] * square + share[row, r, 1] * rate)
         used = share[row, r, 5] * cube + share[row, r, 4] * mixed + share[row, r, 2] * j
@@ -588,7 +612,7 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     broken = np.zeros(n, np.bool_)
     for c in range(n):
         if grid.size[c] > 0.0:
-            task.cap[c] = _cap(grid.share[grid.row[c]], grid.feed[c])
+            task.cap[c] = _cap(grid.share[grid.row[c]], grid.rows[grid.row[c]], grid.feed[c])
     b[0], a[0] = square, slope
     first = 0
     while first < n:
@@ -817,11 +841,14 @@ def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
     The factor is 1 + share (1 - z^2)^3 for z from -1 to 1, so b, a and the jerk have no jump.
     """
     cells, split, place, span = task.cells, task.split, task.work[0], task.work[1]
-    square, slope = task.work[4], task.work[5]
+    best, square, slope = task.work[6], task.work[4], task.work[5]
     half, middle = 0.5 * (place[high] - place[low]), 0.5 * (place[high] + place[low])
     worst = low  # the cell that broke a limit
     square[low], slope[low] = b[low], a[low]
+    peak = low + (high - low) // 2
     for share in RAISES:
+        if b[peak] * (1.0 + 0.8 * share) > NEVER * best[peak]:
+            continue
         if worst > low:
             _bump(b, a, place, worst, middle, half, share, square, slope)
         if worst + 1 < high:
@@ -888,7 +915,7 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
                 drive[i], b[i], a[i] = b[i], steep[i], slope[i]
         _round_peaks(
             *(size, b, a, drive, jerk, first, last, task.node),
-            *(task.work[0], task.work[1], task.work[2]),
+            *(task.work[0], task.work[1], task.work[2], task.work[6]),
         )
     a[first], a[last] = begin, end
     for i in range(first + 1, last):
@@ -905,36 +932,38 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 @_part
 def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
     """Put the second-order optimum between two nodes into ``b``."""
-    share, row, size, ease = task.cells.share, task.cells.row, task.cells.size, task.ease
+    cells, ease = task.cells, task.ease
     for c in range(first + 1, last):
         b[c] = min(task.cap[c - 1] * ease[c - 1], task.cap[c] * ease[c])
     for c in range(last - 1, first, -1):
-        b[c] = min(b[c], _reach(share, row[c], ease[c], size[c], b[c + 1]))
-    for c in range(first, last):
-        if c + 1 < last:
-            b[c + 1] = min(b[c + 1], _reach(share, row[c], ease[c], size[c], b[c]))
+        if b[c] > b[c + 1]:
+            b[c] = min(b[c], _reach(cells, c, ease[c], b[c + 1]))
+    for c in range(first, last - 1):
+        if b[c + 1] > b[c]:
+            b[c + 1] = min(b[c + 1], _reach(cells, c, ease[c], b[c]))
 
 
 @_part
 def _leave(task: Task, b: Floats, first: int, last: int) -> None:
     """Find what acceleration and jerk the squares of speeds leave free on the cells."""
-    cells, size, ramp, jerk = task.cells, task.cells.size, task.ramp, task.jerk
+    cells, ramp, jerk, gain = task.cells, task.ramp, task.jerk, task.work[0]
     for c in range(first, last):
-        free, j = _free(cells.share[cells.row[c]], max(b[c], b[c + 1]))
+        row, top = cells.row[c], max(b[c], b[c + 1])
+        free, j = _free(cells.share[row], cells.rows[row], top)
         ramp[c], jerk[c] = free * task.ease[c], j * task.soft[c]
+        gain[c] = jerk[c] * cells.size[c] / math.sqrt(top)
     for c in range(first + 1, last):
-        gain = jerk[c] * size[c] / math.sqrt(max(b[c], b[c + 1]))
-        ramp[c] = min(ramp[c], ramp[c - 1] + gain)
+        ramp[c] = min(ramp[c], ramp[c - 1] + gain[c])
     for c in range(last - 2, first - 1, -1):
-        gain = jerk[c] * size[c] / math.sqrt(max(b[c], b[c + 1]))
-        ramp[c] = min(ramp[c], ramp[c + 1] + gain)
+        ramp[c] = min(ramp[c], ramp[c + 1] + gain[c])
 
 
 @_part
-def _reach(share: Floats, row: int, ease: float, size: float, b: float) -> float:
+def _reach(cells: Cells, c: int, ease: float, b: float) -> float:
     """Return the largest ``b`` at the other end of a cell, by the acceleration."""
-    free, q = math.inf, 0.5 / size
-    for r in range(share.shape[1]):
+    share, row = cells.share, cells.row[c]
+    free, q = math.inf, 0.5 / cells.size[c]
+    for r in range(cells.rows[row]):
         x = share[row, r, 1] * q
         if x > 0.0:
             free = min(free, (ease * RAMP_SHARE + x * b) / (share[row, r, 3] + x))

@@ -550,16 +550,37 @@ def _pieces(
 
 
 @_part
-def _use(
-    cells: Cells, b: Floats, a: Floats, c: int, split: float
+def _used(
+    cells: Cells, c: int, b0: float, b1: float, a0: float, a1: float, split: float
 ) -> tuple[float, float, float, float]:
     """Return the time of cell ``c``, and the used shares of velocity, acceleration and jerk."""
-    share, row = cells.share, cells.row[c]
-    a0, a1 = a[c], a[c + 1]
-    time, am, vm = _pieces(b[c], b[c + 1], a0, a1, cells.size[c], split)
+    row = cells.row[c]
+    return _use(
+        cells.share, row, cells.rows[row], cells.feed[c], cells.size[c], b0, b1, a0, a1, split
+    )
+
+
+@_part
+def _use(
+    share: Floats,
+    row: int,
+    rows: int,
+    feed: float,
+    size: float,
+    b0: float,
+    b1: float,
+    a0: float,
+    a1: float,
+    split: float,
+) -> tuple[float, float, float, float]:
+    """Return the time of a cell, and the used shares of velocity, acceleration and jerk.
+
+    Arguments are few, as this is called most.
+    """
+    time, am, vm = _pieces(b0, b1, a0, a1, size, split)
     if time < 0.0:
         return time, 1.0, 1.0, 8.0
-    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+    v0, v1 = math.sqrt(b0), math.sqrt(b1)
     top, low = max(v0, v1, vm), vm
     if a0 * am < 0.0:  # an extreme inside the first piece
         inside = v0 + 0.5 * a0 * split * time * a0 / (a0 - am)
@@ -572,9 +593,9 @@ def _use(
     rate = max(abs(a0), abs(a1), abs(am))
     most = max(abs(am - a0) * (1.0 - split), abs(a1 - am) * split)
     j = most / (split * (1.0 - split) * time)
-    velocity, acceleration, jerk = top / cells.feed[c], 0.0, 0.0
+    velocity, acceleration, jerk = top / feed, 0.0, 0.0
     square, cube, mixed = top * top, top * top * top, top * rate
-    for r in range(cells.rows[row]):
+    for r in range(rows):
         velocity = max(velocity, share[row, r, 0] * top)
         acceleration = max(acceleration, share[row, r, 3] * square + share[row, r, 1] * rate)
         used = share[row, r, 5] * cube + share[row, r, 4] * mixed + share[row, r, 2] * j
@@ -585,7 +606,7 @@ def _use(
 @_part
 def _holds(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> bool:
     """Return whether the law of a cell keeps the limits."""
-    _, v, s, j = _use(cells, b, a, c, split)
+    _, v, s, j = _used(cells, c, b[c], b[c + 1], a[c], a[c + 1], split)
     return max(v, s, j) <= 1.0 + ROUNDING
 
 
@@ -690,7 +711,7 @@ def _check(
                 task.soft[near] *= 0.9
                 task.ease[near] = min(task.ease[near], max(0.95 * level / task.cap[near], 1e-3))
             continue
-        _, v, s, j = _use(cells, b, a, c, 0.5)
+        _, v, s, j = _used(cells, c, b[c], b[c + 1], a[c], a[c + 1], 0.5)
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
@@ -783,7 +804,7 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     worst, cells = 1.0, task.cells
     for c in range(first, last):
         task.split[c] = 0.5
-        _, v, s, j = _use(cells, b, a, c, 0.5)
+        _, v, s, j = _used(cells, c, b[c], b[c + 1], a[c], a[c + 1], 0.5)
         worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
     for i in range(first, last + 1):
         b[i] /= worst * worst
@@ -843,30 +864,28 @@ def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
     cells, split, place, span = task.cells, task.split, task.work[0], task.work[1]
     best, square, slope = task.work[6], task.work[4], task.work[5]
     half, middle = 0.5 * (place[high] - place[low]), 0.5 * (place[high] + place[low])
-    worst = low  # the cell that broke a limit
-    square[low], slope[low] = b[low], a[low]
     peak = low + (high - low) // 2
+    worst = peak  # the cell that broke a limit
     for share in RAISES:
         if b[peak] * (1.0 + 0.8 * share) > NEVER * best[peak]:
             continue
-        if worst > low:
-            _bump(b, a, place, worst, middle, half, share, square, slope)
-        if worst + 1 < high:
-            _bump(b, a, place, worst + 1, middle, half, share, square, slope)
-        _, v, s, j = _use(cells, square, slope, worst, split[worst])
+        holds, saved = True, 0.0
+        b0, a0 = _bump(b[worst], a[worst], (place[worst] - middle) / half, half, share)
+        b1, a1 = _bump(b[worst + 1], a[worst + 1], (place[worst + 1] - middle) / half, half, share)
+        _, v, s, j = _used(cells, worst, b0, b1, a0, a1, split[worst])
         if max(v, s, j) > 1.0 + ROUNDING:
             continue
-        saved = 0.0
-        holds = True
-        square[high], slope[high] = b[high], a[high]
+        b0, a0 = b[low], a[low]
         for c in range(low, high):
-            if c + 1 < high:
-                _bump(b, a, place, c + 1, middle, half, share, square, slope)
-            time, v, s, j = _use(cells, square, slope, c, split[c])
+            z = (place[c + 1] - middle) / half
+            b1, a1 = _bump(b[c + 1], a[c + 1], z, half, share)
+            square[c + 1], slope[c + 1] = b1, a1
+            time, v, s, j = _used(cells, c, b0, b1, a0, a1, split[c])
             if max(v, s, j) > 1.0 + ROUNDING:
                 holds, worst = False, c
                 break
             saved += span[c] - time
+            b0, a0 = b1, a1
         if holds and saved > 0.0:
             for i in range(low + 1, high):
                 b[i], a[i] = square[i], slope[i]
@@ -875,24 +894,12 @@ def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
 
 
 @_part
-def _bump(
-    b: Floats,
-    a: Floats,
-    place: Floats,
-    i: int,
-    middle: float,
-    half: float,
-    share: float,
-    square: Floats,
-    slope: Floats,
-) -> None:
-    """Put raised values of ``b`` and ``a`` at a node into ``square`` and ``slope``."""
-    z = (place[i] - middle) / half
-    flat = 1.0 - z * z
+def _bump(b: float, a: float, z: float, half: float, share: float) -> tuple[float, float]:
+    """Return raised values of ``b`` and ``a`` at a node."""
+    flat = max(1.0 - z * z, 0.0)
     bump = share * flat * flat
     factor = 1.0 + bump * flat
-    square[i] = b[i] * factor
-    slope[i] = a[i] * factor - 3.0 * z * bump / half * b[i]
+    return b * factor, a * factor - 3.0 * z * bump / half * b
 
 
 @_part

@@ -41,7 +41,6 @@ GROWTH = 1.6  # of cells, at least, from where the acceleration changes
 WIDEST = 0.2  # of a cell on an arc [rad]
 SHORT = 7  # cells from rest to rest: better tighten limits at first
 GENTLE = 3  # rounds of that
-ROUNDS = 2  # of rounding peaks
 PATIENCE = 9  # rounds before the speed is made steady there
 REPAIRS = 24  # rounds of tightening the limits where the law breaks them
 FLAT = 0.03  # of the change of acceleration that is possible on a cell: as good as none
@@ -351,7 +350,7 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
 @_part
 def _compacted(share: Floats) -> int:
     """Put the rows that matter first, and return how many: where the path is straight, one."""
-    rows = share.shape[0]
+    rows: int = share.shape[0]
     for r in range(rows):
         if share[r, 3] > 0.0 or share[r, 5] > 0.0:
             return rows
@@ -434,39 +433,29 @@ def _climb(
 
 
 @_part
-def _bend(drive: Floats, jerk: Floats, c: int) -> float:
-    """Return how fast the acceleration falls along a cell, with speeds as in ``drive``."""
-    top = math.sqrt(max(drive[c], drive[c + 1], 1e-12))
-    from_rest = min(drive[c], drive[c + 1]) == 0.0  # then it is faster at first
-    bend: float = (1.5 if from_rest else 1.0) * jerk[c] / top
-    return bend
-
-
-@_part
 def _round_peaks(
     size: Floats,
     b: Floats,
     a: Floats,
-    drive: Floats,
     jerk: Floats,
     first: int,
     last: int,
     node: Ints,
-    span: Floats,
-    moment: Floats,
-    weight: Floats,
-    bend: Floats,
+    work: Floats,
 ) -> None:
     """Lower ``b`` such that the slope falls no faster than the jerk allows.
 
     With ``da/ds >= -u`` given, these are convex functions, less one with the curvature -2 u
     everywhere; so the largest one is a lower convex hull.
     """
+    span, moment, weight, bend = work[0], work[1], work[2], work[3]
     n = 0
     node[0] = first
     for k in range(first + 1, last + 1):
         c = k - 1
-        bend[c] = u = _bend(drive, jerk, c)
+        fast, slow = max(b[c], b[k]), min(b[c], b[k])
+        from_rest = 1.5 if slow == 0.0 else 1.0  # then the acceleration falls faster at first
+        bend[c] = u = from_rest * jerk[c] / math.sqrt(max(fast, 1e-12))
         # from the node before: distance, integral of u, and integral of that
         x, w, q = size[c], u * size[c], 0.5 * u * size[c] * size[c]
         while n > 0:
@@ -913,17 +902,7 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         a[i] = math.nan
     _climb(size, b, a, ramp, jerk, first, last, 1, max(begin, 0.0))
     _climb(size, b, a, ramp, jerk, last, first, -1, max(-end, 0.0))
-    drive, steep, slope = task.work[3], task.work[4], task.work[5]
-    for i in range(first, last + 1):
-        drive[i], steep[i], slope[i] = b[i], b[i], a[i]
-    for trial in range(ROUNDS):  # as speeds fall, the acceleration may change sooner
-        if trial > 0:
-            for i in range(first, last + 1):
-                drive[i], b[i], a[i] = b[i], steep[i], slope[i]
-        _round_peaks(
-            *(size, b, a, drive, jerk, first, last, task.node),
-            *(task.work[0], task.work[1], task.work[2], task.work[6]),
-        )
+    _round_peaks(size, b, a, jerk, first, last, task.node, task.work)
     a[first], a[last] = begin, end
     for i in range(first + 1, last):
         if math.isnan(a[i]):

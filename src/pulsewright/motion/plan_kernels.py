@@ -41,7 +41,6 @@ GROWTH = 1.6  # of cells, at least, from where the acceleration changes
 WIDEST = 0.2  # of a cell on an arc [rad]
 SHORT = 7  # cells from rest to rest: better tighten limits at first
 GENTLE = 3  # rounds of that
-ROUNDS = 2  # of rounding peaks
 PATIENCE = 9  # rounds before the speed is made steady there
 REPAIRS = 24  # rounds of tightening the limits where the law breaks them
 FLAT = 0.03  # of the change of acceleration that is possible on a cell: as good as none
@@ -53,6 +52,7 @@ WORTH = 0.01  # of a run's time, lost to the jerk: then it is worth to raise spe
 GAIN = 0.03  # the same of some cells
 WIDE = 32  # cells whose speeds are raised together, at most; and half as many, and so on
 RAISES = (0.3, 0.09, 0.027)  # of the squares of speeds, in the middle of these cells
+NEVER = 1.08  # of the second-order optimum: squares of speeds are lower
 PARTS = 4096  # cells of one element at most
 
 
@@ -71,6 +71,7 @@ class Cells(NamedTuple):
     rest: NDArray[np.bool_]  # (n,) whether the machine rests at the end
     row: Ints  # (n,) of ``share``: cells of one line have the same
     share: Floats  # (p, r, 6)
+    rows: Ints  # (p,) how many rows of it matter: they come first
 
 
 @_part
@@ -112,10 +113,10 @@ def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, sha
 
 
 @_part
-def _cap(share: Floats, feed: float) -> float:
+def _cap(share: Floats, rows: int, feed: float) -> float:
     """Return the largest square of the speed on a cell."""
     top = feed * feed
-    for r in range(share.shape[0]):
+    for r in range(rows):
         if share[r, 0] > 0.0:
             top = min(top, 1.0 / (share[r, 0] * share[r, 0]))
         if share[r, 3] > 0.0:
@@ -234,7 +235,7 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
         if path.length[e] == 0.0:
             continue
         _bound(path, limits, e, 0.0, path.length[e], share[e])
-        cap[e] = _cap(share[e], path.feed[e])
+        cap[e] = _cap(share[e], rows, path.feed[e])
         steepest = 0.0
         for r in range(rows):
             steepest = max(steepest, share[e, r, 1])
@@ -340,20 +341,36 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
                     for k in range(6):
                         share[used, r, k] = max(share[used, r, k], share[j, r, k])
         used += 1
-    return Cells(element[:n], offset[:n], length[:n], feed, rest, row, share[:used])
+    matter = np.empty(used, np.int64)
+    for p in range(used):
+        matter[p] = _compacted(share[p])
+    return Cells(element[:n], offset[:n], length[:n], feed, rest, row, share[:used], matter)
 
 
 @_part
-def _free(share: Floats, b: float) -> tuple[float, float]:
+def _compacted(share: Floats) -> int:
+    """Put the rows that matter first, and return how many: where the path is straight, one."""
+    rows: int = share.shape[0]
+    for r in range(rows):
+        if share[r, 3] > 0.0 or share[r, 5] > 0.0:
+            return rows
+    for k in range(3):
+        for r in range(1, rows):
+            share[0, k] = max(share[0, k], share[r, k])
+    return 1
+
+
+@_part
+def _free(share: Floats, rows: int, b: float) -> tuple[float, float]:
     """Return the path acceleration and jerk that a cell allows at the square of speed ``b``."""
     v, least = math.sqrt(b), 0.0
     a, j = math.inf, math.inf
-    for r in range(share.shape[0]):
+    for r in range(rows):
         if share[r, 1] > 0.0:
             a = min(a, (RAMP_SHARE - share[r, 3] * b) / share[r, 1])
         if share[r, 4] > 0.0:
             a = min(a, COUPLED_SHARE * (1.0 - share[r, 5] * b * v) / (share[r, 4] * v))
-    for r in range(share.shape[0]):
+    for r in range(rows):
         if share[r, 2] > 0.0:
             used = share[r, 5] * b * v + share[r, 4] * v * a
             j = min(j, (JERK_SHARE - used) / share[r, 2])
@@ -403,6 +420,10 @@ def _climb(
         k = i + way
         rise = min(rise, ramp[c])
         top = ramp[c] if k == last else min(ramp[c], ramp[c + way])
+        if b[k] <= b[i]:  # that is less than any slope asks
+            rise = 0.0
+            i = k
+            continue
         after, slope = _gain(math.sqrt(b[i]), rise, top, jerk[c], size[c])
         if k != last and after < b[k]:
             b[k], a[k], rise = after, way * slope, slope
@@ -412,38 +433,29 @@ def _climb(
 
 
 @_part
-def _bend(drive: Floats, jerk: Floats, c: int) -> float:
-    """Return how fast the acceleration falls along a cell, with speeds as in ``drive``."""
-    top = math.sqrt(max(drive[c], drive[c + 1], 1e-12))
-    from_rest = min(drive[c], drive[c + 1]) == 0.0  # then it is faster at first
-    bend: float = (1.5 if from_rest else 1.0) * jerk[c] / top
-    return bend
-
-
-@_part
 def _round_peaks(
     size: Floats,
     b: Floats,
     a: Floats,
-    drive: Floats,
     jerk: Floats,
     first: int,
     last: int,
     node: Ints,
-    span: Floats,
-    moment: Floats,
-    weight: Floats,
+    work: Floats,
 ) -> None:
     """Lower ``b`` such that the slope falls no faster than the jerk allows.
 
     With ``da/ds >= -u`` given, these are convex functions, less one with the curvature -2 u
     everywhere; so the largest one is a lower convex hull.
     """
+    span, moment, weight, bend = work[0], work[1], work[2], work[3]
     n = 0
     node[0] = first
     for k in range(first + 1, last + 1):
         c = k - 1
-        u = _bend(drive, jerk, c)
+        fast, slow = max(b[c], b[k]), min(b[c], b[k])
+        from_rest = 1.5 if slow == 0.0 else 1.0  # then the acceleration falls faster at first
+        bend[c] = u = from_rest * jerk[c] / math.sqrt(max(fast, 1e-12))
         # from the node before: distance, integral of u, and integral of that
         x, w, q = size[c], u * size[c], 0.5 * u * size[c] * size[c]
         while n > 0:
@@ -468,12 +480,12 @@ def _round_peaks(
         here = b[i]
         for j in range(i + 1, k):
             c = j - 1
-            u = _bend(drive, jerk, c)
+            u = bend[c]
             here += (2.0 * rate - u * size[c]) * size[c]
             rate -= u * size[c]
             if here < b[j]:
                 b[j], a[j] = max(here, 0.0), rate
-        rate -= _bend(drive, jerk, k - 1) * size[k - 1]
+        rate -= bend[k - 1] * size[k - 1]
         if k < last and not math.isnan(a[k]):
             a[k] += TANGENT_SHARE * (rate - a[k])
 
@@ -527,14 +539,37 @@ def _pieces(
 
 
 @_part
-def _use(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> tuple[float, float, float]:
-    """Return the used shares of velocity, acceleration and jerk on cell ``c``, at worst."""
-    share, row = cells.share, cells.row[c]
-    a0, a1 = a[c], a[c + 1]
-    time, am, vm = _pieces(b[c], b[c + 1], a0, a1, cells.size[c], split)
+def _used(
+    cells: Cells, c: int, b0: float, b1: float, a0: float, a1: float, split: float
+) -> tuple[float, float, float, float]:
+    """Return the time of cell ``c``, and the used shares of velocity, acceleration and jerk."""
+    row = cells.row[c]
+    return _use(
+        cells.share, row, cells.rows[row], cells.feed[c], cells.size[c], b0, b1, a0, a1, split
+    )
+
+
+@_part
+def _use(
+    share: Floats,
+    row: int,
+    rows: int,
+    feed: float,
+    size: float,
+    b0: float,
+    b1: float,
+    a0: float,
+    a1: float,
+    split: float,
+) -> tuple[float, float, float, float]:
+    """Return the time of a cell, and the used shares of velocity, acceleration and jerk.
+
+    Arguments are few, as this is called most.
+    """
+    time, am, vm = _pieces(b0, b1, a0, a1, size, split)
     if time < 0.0:
-        return 1.0, 1.0, 8.0
-    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+        return time, 1.0, 1.0, 8.0
+    v0, v1 = math.sqrt(b0), math.sqrt(b1)
     top, low = max(v0, v1, vm), vm
     if a0 * am < 0.0:  # an extreme inside the first piece
         inside = v0 + 0.5 * a0 * split * time * a0 / (a0 - am)
@@ -543,23 +578,24 @@ def _use(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> tuple[floa
         inside = vm + 0.5 * am * (1.0 - split) * time * am / (am - a1)
         top, low = max(top, inside), min(low, inside)
     if low < 0.0:
-        return 1.0, 1.0, 8.0
+        return time, 1.0, 1.0, 8.0
     rate = max(abs(a0), abs(a1), abs(am))
-    j = max(abs(am - a0) / split, abs(a1 - am) / (1.0 - split)) / time
-    velocity, acceleration, jerk = top / cells.feed[c], 0.0, 0.0
+    most = max(abs(am - a0) * (1.0 - split), abs(a1 - am) * split)
+    j = most / (split * (1.0 - split) * time)
+    velocity, acceleration, jerk = top / feed, 0.0, 0.0
     square, cube, mixed = top * top, top * top * top, top * rate
-    for r in range(share.shape[1]):
+    for r in range(rows):
         velocity = max(velocity, share[row, r, 0] * top)
         acceleration = max(acceleration, share[row, r, 3] * square + share[row, r, 1] * rate)
         used = share[row, r, 5] * cube + share[row, r, 4] * mixed + share[row, r, 2] * j
         jerk = max(jerk, used)
-    return velocity, acceleration, jerk
+    return time, velocity, acceleration, jerk
 
 
 @_part
 def _holds(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> bool:
     """Return whether the law of a cell keeps the limits."""
-    v, s, j = _use(cells, b, a, c, split)
+    _, v, s, j = _used(cells, c, b[c], b[c + 1], a[c], a[c + 1], split)
     return max(v, s, j) <= 1.0 + ROUNDING
 
 
@@ -586,7 +622,7 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     broken = np.zeros(n, np.bool_)
     for c in range(n):
         if grid.size[c] > 0.0:
-            task.cap[c] = _cap(grid.share[grid.row[c]], grid.feed[c])
+            task.cap[c] = _cap(grid.share[grid.row[c]], grid.rows[grid.row[c]], grid.feed[c])
     b[0], a[0] = square, slope
     first = 0
     while first < n:
@@ -664,7 +700,7 @@ def _check(
                 task.soft[near] *= 0.9
                 task.ease[near] = min(task.ease[near], max(0.95 * level / task.cap[near], 1e-3))
             continue
-        v, s, j = _use(cells, b, a, c, 0.5)
+        _, v, s, j = _used(cells, c, b[c], b[c + 1], a[c], a[c + 1], 0.5)
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
@@ -757,7 +793,7 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     worst, cells = 1.0, task.cells
     for c in range(first, last):
         task.split[c] = 0.5
-        v, s, j = _use(cells, b, a, c, 0.5)
+        _, v, s, j = _used(cells, c, b[c], b[c + 1], a[c], a[c + 1], 0.5)
         worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
     for i in range(first, last + 1):
         b[i] /= worst * worst
@@ -767,76 +803,92 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 @_part
 def _raise(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Raise speeds between two nodes where they are far below the second-order optimum."""
-    size, best = task.cells.size, task.work[6]
+    cells, best, place, span = task.cells, task.work[6], task.work[0], task.work[1]
+    passed, lost = task.work[2], task.work[3]  # until a node; lost is what ``best`` would save
     for c in range(first, last):
         task.ease[c] = 1.0
     best[first], best[last] = b[first], b[last]
     _envelope(task, best, first, last)
-    if _lost(size, b, best, first, last) < WORTH:
+    _add_up(cells.size, b, best, first, last, passed, lost)
+    if not lost[last] >= WORTH * passed[last]:
         return
+    place[first] = 0.0
+    for c in range(first, last):
+        place[c + 1] = place[c] + cells.size[c]
+        span[c] = _pieces(b[c], b[c + 1], a[c], a[c + 1], cells.size[c], task.split[c])[0]
     width = WIDE
     while width > 1:
         low = first
         while low + 1 < last:
             high = min(low + width, last)
-            if _lost(size, b, best, low, high) > GAIN:
-                for share in RAISES:
-                    _raised(task, b, a, low, high, share)
+            if lost[high - 1] - lost[low] > GAIN * (passed[high - 1] - passed[low]):
+                _raised(task, b, a, low, high)
             low += width // 2
         width //= 2
+        _add_up(cells.size, b, best, first, last, passed, lost)
 
 
 @_part
-def _lost(size: Floats, b: Floats, best: Floats, first: int, last: int) -> float:
-    """Return the share of time between two nodes that would be saved with ``best``."""
-    time, lost = 0.0, 0.0
+def _add_up(
+    size: Floats, b: Floats, best: Floats, first: int, last: int, passed: Floats, lost: Floats
+) -> None:
+    """Put about the times until nodes into ``passed``, and what ``best`` would save into ``lost``.
+
+    These of the last node are those of the one before it.
+    """
+    passed[first], lost[first] = 0.0, 0.0
     for i in range(first + 1, last):
         span = size[i] / math.sqrt(b[i])
-        time += span
-        lost += span * (1.0 - math.sqrt(b[i] / best[i]))
-    return lost / time if time > 0.0 else 0.0
+        passed[i] = passed[i - 1] + span
+        lost[i] = lost[i - 1] + span * (1.0 - math.sqrt(b[i] / best[i]))
+    passed[last], lost[last] = passed[last - 1], lost[last - 1]
 
 
 @_part
-def _raised(task: Task, b: Floats, a: Floats, low: int, high: int, share: float) -> bool:
-    """Raise ``b`` between two nodes by a smooth factor; tell whether that saves time.
-
-    If it does not, or breaks a limit, nothing changes.
+def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
+    """Raise ``b`` between two nodes by a smooth factor, if that saves time and keeps the limits.
 
     The factor is 1 + share (1 - z^2)^3 for z from -1 to 1, so b, a and the jerk have no jump.
     """
-    cells, size, old, slope = task.cells, task.cells.size, task.work[0], task.work[1]
-    half = 0.0
-    for c in range(low, high):
-        half += 0.5 * size[c]
-    z = -1.0
-    before = _time(task, b, a, low, high)
-    for i in range(low + 1, high):
-        z += size[i - 1] / half
-        old[i], slope[i] = b[i], a[i]
-        flat = 1.0 - z * z
-        factor = 1.0 + share * flat * flat * flat
-        a[i] = a[i] * factor - 3.0 * share * z * flat * flat / half * b[i]
-        b[i] *= factor
-    better = True
-    for c in range(low, high):
-        if not _holds(cells, b, a, c, task.split[c]):
-            better = False
-            break
-    if better and _time(task, b, a, low, high) < before:
-        return True
-    for i in range(low + 1, high):
-        b[i], a[i] = old[i], slope[i]
-    return False
+    cells, split, place, span = task.cells, task.split, task.work[0], task.work[1]
+    best, square, slope = task.work[6], task.work[4], task.work[5]
+    half, middle = 0.5 * (place[high] - place[low]), 0.5 * (place[high] + place[low])
+    peak = low + (high - low) // 2
+    worst = peak  # the cell that broke a limit
+    for share in RAISES:
+        if b[peak] * (1.0 + 0.8 * share) > NEVER * best[peak]:
+            continue
+        holds, saved = True, 0.0
+        b0, a0 = _bump(b[worst], a[worst], (place[worst] - middle) / half, half, share)
+        b1, a1 = _bump(b[worst + 1], a[worst + 1], (place[worst + 1] - middle) / half, half, share)
+        _, v, s, j = _used(cells, worst, b0, b1, a0, a1, split[worst])
+        if max(v, s, j) > 1.0 + ROUNDING:
+            continue
+        b0, a0 = b[low], a[low]
+        for c in range(low, high):
+            z = (place[c + 1] - middle) / half
+            b1, a1 = _bump(b[c + 1], a[c + 1], z, half, share)
+            square[c + 1], slope[c + 1] = b1, a1
+            time, v, s, j = _used(cells, c, b0, b1, a0, a1, split[c])
+            if max(v, s, j) > 1.0 + ROUNDING:
+                holds, worst = False, c
+                break
+            saved += span[c] - time
+            b0, a0 = b1, a1
+        if holds and saved > 0.0:
+            for i in range(low + 1, high):
+                b[i], a[i] = square[i], slope[i]
+            for c in range(low, high):
+                span[c] = _pieces(b[c], b[c + 1], a[c], a[c + 1], cells.size[c], split[c])[0]
 
 
 @_part
-def _time(task: Task, b: Floats, a: Floats, first: int, last: int) -> float:
-    """Return the time between two nodes."""
-    time = 0.0
-    for c in range(first, last):
-        time += _pieces(b[c], b[c + 1], a[c], a[c + 1], task.cells.size[c], task.split[c])[0]
-    return time
+def _bump(b: float, a: float, z: float, half: float, share: float) -> tuple[float, float]:
+    """Return raised values of ``b`` and ``a`` at a node."""
+    flat = max(1.0 - z * z, 0.0)
+    bump = share * flat * flat
+    factor = 1.0 + bump * flat
+    return b * factor, a * factor - 3.0 * z * bump / half * b
 
 
 @_part
@@ -850,17 +902,7 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         a[i] = math.nan
     _climb(size, b, a, ramp, jerk, first, last, 1, max(begin, 0.0))
     _climb(size, b, a, ramp, jerk, last, first, -1, max(-end, 0.0))
-    drive, steep, slope = task.work[3], task.work[4], task.work[5]
-    for i in range(first, last + 1):
-        drive[i], steep[i], slope[i] = b[i], b[i], a[i]
-    for trial in range(ROUNDS):  # as speeds fall, the acceleration may change sooner
-        if trial > 0:
-            for i in range(first, last + 1):
-                drive[i], b[i], a[i] = b[i], steep[i], slope[i]
-        _round_peaks(
-            *(size, b, a, drive, jerk, first, last, task.node),
-            *(task.work[0], task.work[1], task.work[2]),
-        )
+    _round_peaks(size, b, a, jerk, first, last, task.node, task.work)
     a[first], a[last] = begin, end
     for i in range(first + 1, last):
         if math.isnan(a[i]):
@@ -876,36 +918,38 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 @_part
 def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
     """Put the second-order optimum between two nodes into ``b``."""
-    share, row, size, ease = task.cells.share, task.cells.row, task.cells.size, task.ease
+    cells, ease = task.cells, task.ease
     for c in range(first + 1, last):
         b[c] = min(task.cap[c - 1] * ease[c - 1], task.cap[c] * ease[c])
     for c in range(last - 1, first, -1):
-        b[c] = min(b[c], _reach(share, row[c], ease[c], size[c], b[c + 1]))
-    for c in range(first, last):
-        if c + 1 < last:
-            b[c + 1] = min(b[c + 1], _reach(share, row[c], ease[c], size[c], b[c]))
+        if b[c] > b[c + 1]:
+            b[c] = min(b[c], _reach(cells, c, ease[c], b[c + 1]))
+    for c in range(first, last - 1):
+        if b[c + 1] > b[c]:
+            b[c + 1] = min(b[c + 1], _reach(cells, c, ease[c], b[c]))
 
 
 @_part
 def _leave(task: Task, b: Floats, first: int, last: int) -> None:
     """Find what acceleration and jerk the squares of speeds leave free on the cells."""
-    cells, size, ramp, jerk = task.cells, task.cells.size, task.ramp, task.jerk
+    cells, ramp, jerk, gain = task.cells, task.ramp, task.jerk, task.work[0]
     for c in range(first, last):
-        free, j = _free(cells.share[cells.row[c]], max(b[c], b[c + 1]))
+        row, top = cells.row[c], max(b[c], b[c + 1])
+        free, j = _free(cells.share[row], cells.rows[row], top)
         ramp[c], jerk[c] = free * task.ease[c], j * task.soft[c]
+        gain[c] = jerk[c] * cells.size[c] / math.sqrt(top)
     for c in range(first + 1, last):
-        gain = jerk[c] * size[c] / math.sqrt(max(b[c], b[c + 1]))
-        ramp[c] = min(ramp[c], ramp[c - 1] + gain)
+        ramp[c] = min(ramp[c], ramp[c - 1] + gain[c])
     for c in range(last - 2, first - 1, -1):
-        gain = jerk[c] * size[c] / math.sqrt(max(b[c], b[c + 1]))
-        ramp[c] = min(ramp[c], ramp[c + 1] + gain)
+        ramp[c] = min(ramp[c], ramp[c + 1] + gain[c])
 
 
 @_part
-def _reach(share: Floats, row: int, ease: float, size: float, b: float) -> float:
+def _reach(cells: Cells, c: int, ease: float, b: float) -> float:
     """Return the largest ``b`` at the other end of a cell, by the acceleration."""
-    free, q = math.inf, 0.5 / size
-    for r in range(share.shape[1]):
+    share, row = cells.share, cells.row[c]
+    free, q = math.inf, 0.5 / cells.size[c]
+    for r in range(cells.rows[row]):
         x = share[row, r, 1] * q
         if x > 0.0:
             free = min(free, (ease * RAMP_SHARE + x * b) / (share[row, r, 3] + x))

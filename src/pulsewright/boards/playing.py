@@ -16,6 +16,8 @@ from pulsewright.boards.driving import Stop
 from pulsewright.boards.watching import Feedback, LimitSwitches, check_positions, check_switches
 from pulsewright.edges.timing import DriveTiming
 from pulsewright.errors import (
+    BusError,
+    EstopError,
     LateError,
     MotionLimitError,
     UsageError,
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
     from pulsewright.motion.trajectory import Trajectory
 
 U = TypeVar("U")  # updates: native commands in columns, of one board
+# Gets the time from which on a plan may be another one [s]. Returns that one, which is the same up
+# to then, piece by piece; and another time, which is passed on.
+Replan = Callable[[float], tuple["Trajectory", float]]
 
 LOOK: Final = 0.1  # of a plan, from one look at the board's positions to the next [s]
 WATCH: Final = 0.02  # the same where there are switches or encoders to look at [s]
@@ -177,9 +182,43 @@ class Player(ABC):
         self.driver.stopped_at = self.stopped_at
         return self.stopped_at
 
+    def change(self, replan: Callable[[float], Trajectory]) -> float:
+        """Go on with another plan, from as soon as the board can leave the one it has.
+
+        Parameters
+        ----------
+        replan : callable
+            Gets the time of that [s]; returns a plan that is the same up to then, piece by piece.
+            It is not called where the plan ends before. If it raises, the plan stays.
+
+        Returns
+        -------
+        float
+            That time, or when the plan ends [s].
+
+        Raises
+        ------
+        UsageError
+            If the plan is not under way: it has ended, or was left by `stop`.
+        EstopError, BusError
+            If the board has stopped or the link failed; the position is unknown.
+        """
+        if not self.driver.plays(self):
+            raise UsageError("this plan is not under way: there is nothing to change")
+        with kept_back() as self._interrupted:
+            try:
+                return self._leave(lambda time: (replan(time), time))
+            except (BusError, EstopError) as error:
+                self._lost(error)
+                raise
+
     def speed(self) -> float:
         """Return the highest commanded rate of a motor now [step/s]; 0 where it is not known."""
         return 0.0
+
+    def _hold(self, time: float) -> tuple[Trajectory, float]:
+        """Return the plan left at ``time`` [s], with its way to rest, and where that is."""
+        return hold(self.trajectory, time, self.limits)
 
     def _lost(self, error: BaseException) -> None:
         """Note that an error has ended the motion, or that it is not as planned any more."""
@@ -218,6 +257,13 @@ class Player(ABC):
     @abstractmethod
     def _stop(self) -> Stop | None:
         """Do what `stop` says; return None, early, when interrupted."""
+
+    @abstractmethod
+    def _leave(self, replan: Replan) -> float:
+        """Leave the plan as soon as possible for another one; return the time that came with it.
+
+        Where the plan ends before, return when [s].
+        """
 
 
 class UpdateConverter(ABC, Generic[U]):
@@ -409,9 +455,7 @@ class UpdatePlayer(Player, Generic[U]):
         self.check()
 
     def _stop(self) -> Stop | None:
-        converter = self.converter
-        self.trajectory, time = hold(self.trajectory, converter.free_from, self.limits)
-        converter.follow(self.trajectory)
+        converter, time = self.converter, self._leave(self._hold)
         while not converter.done:
             if self._interrupted():
                 return None
@@ -421,6 +465,14 @@ class UpdatePlayer(Player, Generic[U]):
                 self.driver.lose_position()
         self.check()
         return Stop(time, tuple(converter.count.tolist()))
+
+    def _leave(self, replan: Replan) -> float:
+        converter = self.converter
+        if converter.free_from >= self.trajectory.duration:
+            return self.trajectory.duration
+        self.trajectory, time = replan(converter.free_from)
+        converter.follow(self.trajectory)
+        return time
 
     def check(self) -> None:
         """See that the board runs, no limit switch is hit, and motors are where they should be.

@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.driving import Stop
-from pulsewright.boards.playing import ROUNDING, WATCH, Drives, Player
+from pulsewright.boards.playing import ROUNDING, WATCH, Drives, Player, Replan
 from pulsewright.boards.watching import check_positions, check_switches
 from pulsewright.errors import FollowingError, MotionLimitError
-from pulsewright.motion.hold import hold
 
 if TYPE_CHECKING:
     from pulsewright.motion.trajectory import Trajectory
 
 PERIOD: Final = 1e-3  # of the loop [s]
+SOON: Final = 2 * PERIOD  # a plan may be another one [s]
 LEAD: Final = 0.02  # from its begin to time 0 of the plan [s]
 GAIN: Final = 100.0  # rate for an error of a step [1/s]; watchdogs end times near 1 / GAIN
 HEADROOM: Final = 1.25  # of a motor's rate, for corrections
@@ -155,13 +155,20 @@ class ServoPlayer(Player):
         end = self.trajectory.duration
         if not self._begun:
             return Stop(0.0, self._end())
-        self.trajectory, at = hold(self.trajectory, self._time() + 2 * PERIOD, self.limits)
+        at = self._leave(self._hold)
         self._settled = 0
         while not self._finished:
             if self._interrupted():
                 return None
             self._period()
         return Stop(min(at, end), self._end())
+
+    def _leave(self, replan: Replan) -> float:
+        time = max(self._time() + SOON, 0.0) if self._begun else 0.0
+        if time >= self.trajectory.duration:
+            return self.trajectory.duration
+        self.trajectory, left = replan(time)
+        return left
 
     def _end(self) -> tuple[int, ...]:
         """Return the steps at which what is played now ends."""

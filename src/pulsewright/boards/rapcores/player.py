@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.driving import Stop
-from pulsewright.boards.playing import LOOK, Drives, Player
+from pulsewright.boards.playing import LOOK, Drives, Player, Replan
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.commands import (
     Converter,
@@ -35,7 +35,6 @@ from pulsewright.errors import (
     StarvedError,
     UsageError,
 )
-from pulsewright.motion.hold import AxisLimits, hold
 from pulsewright.motion.rejoin import rejoin
 from pulsewright.transport.spi_bus import CS_HIGH, SpiBus, VirtualSpiBus
 
@@ -299,10 +298,15 @@ class RapcoresPlayer(Player):
 
     def _stop(self) -> Stop | None:
         job = self._playing
-        time = job.leave(self.limits)
-        self.trajectory = job.converter.trajectory
+        time = self._leave(self._hold)
         self._play(math.inf)
         return Stop(time, tuple(job.accumulators[0].tolist())) if job.finished else None
+
+    def _leave(self, replan: Replan) -> float:
+        job = self._playing
+        time = job.leave(replan)
+        self.trajectory = job.converter.trajectory
+        return time
 
     def speed(self) -> float:
         """Return the highest commanded rate of a motor about now [step/s]."""
@@ -435,13 +439,13 @@ class _Job:
         self._all_converted = False
         self.start_cycle = self._start()
 
-    def leave(self, limits: AxisLimits) -> float:
-        """Leave the trajectory behind the moves that are sent; return where, as `hold` does."""
+    def leave(self, replan: Replan) -> float:
+        """Leave the trajectory behind the moves that are sent; see `Player`."""
         trajectory, pace = self.converter.trajectory, self._pace
         at = self._ticks // pace.ticks
         if self._all_converted and at >= self.converter.total:
             return trajectory.duration
-        plan, time = hold(trajectory, self.converter.time(self._ticks), limits)
+        plan, time = replan(max(self.converter.time(self._ticks), 0.0))
         self.converter = Converter(
             plan,
             ticks=pace.ticks,

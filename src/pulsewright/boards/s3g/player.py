@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.driving import Stop
-from pulsewright.boards.playing import Drives, Player
+from pulsewright.boards.playing import Drives, Player, Replan
 from pulsewright.boards.s3g import registers as reg
 from pulsewright.boards.s3g.commands import (
     LOAD_DELAY,
@@ -30,7 +30,6 @@ from pulsewright.errors import (
     StarvedError,
     UsageError,
 )
-from pulsewright.motion.hold import AxisLimits, hold
 from pulsewright.motion.rejoin import rejoin
 
 if TYPE_CHECKING:
@@ -194,9 +193,8 @@ class S3GPlayer(Player):
         self.driver.bus.sleep(self.update)  # the last pulse goes out
 
     def _stop(self) -> Stop | None:
+        time = self._leave(self._hold)
         job = self._playing
-        time = job.leave(self.limits)
-        self.trajectory = job.converter.trajectory
         try:
             self._play(math.inf)
         except StarvedError as error:  # at rest all the same, on the ramp of the board
@@ -205,6 +203,13 @@ class S3GPlayer(Player):
         if not self.done:
             return None
         return Stop(time, tuple((job.converter.position // reg.STEP_UNITS).tolist()))
+
+    def _leave(self, replan: Replan) -> float:
+        job = self._playing
+        try:
+            return job.leave(replan)
+        finally:
+            self.trajectory = job.converter.trajectory
 
     def speed(self) -> float:
         """Return the highest commanded rate of a motor about now [step/s]."""
@@ -317,8 +322,8 @@ class _Job:
                 self.ring.append(self.encoder.finish(self.converter.position))
                 self._finished = True
 
-    def leave(self, limits: AxisLimits) -> float:
-        """Leave the trajectory as soon as the link allows; return where, as `hold` does."""
+    def leave(self, replan: Replan) -> float:
+        """Leave the trajectory as soon as the link allows; see `Player`."""
         plan, grid, lead = self.converter.trajectory, self.converter.grid, self.encoder.lead
         self.convert()
         soon = PACKETS * self._packet + round(AHEAD * reg.CLOCK_HZ)
@@ -326,18 +331,20 @@ class _Job:
         if kept is None:
             return plan.duration
         end, loads = kept
-        plan, time = hold(plan, (end - lead) * grid / reg.CLOCK_HZ, limits)
-        self.converter = Converter(
-            plan,
-            self._timing,
-            grid=grid,
-            position=loads.position[-1],
-            before=loads,
-            at=end - lead,
-        )
-        self.encoder.go_on(loads)
-        self._finished = False
-        self.end_cycle = self.start_cycle + self.converter.total * grid
+        try:
+            plan, time = replan(max((end - lead) * grid / reg.CLOCK_HZ, 0.0))
+        finally:  # words are dropped already, and others have to take their place
+            self.converter = Converter(
+                plan,
+                self._timing,
+                grid=grid,
+                position=loads.position[-1],
+                before=loads,
+                at=end - lead,
+            )
+            self.encoder.go_on(loads)
+            self._finished = False
+            self.end_cycle = self.start_cycle + self.converter.total * grid
         return time
 
     def started(self, strobe: int) -> None:

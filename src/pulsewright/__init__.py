@@ -6,12 +6,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from pulsewright.app.feed import FeedControl
     from pulsewright.app.run import Job
     from pulsewright.boards import open_board
 
-__all__ = ["Job", "open_board"]
+__all__ = ["FeedControl", "Job", "open_board"]
 
-_HOMES: Final = {"Job": "pulsewright.app.run", "open_board": "pulsewright.boards"}
+_HOMES: Final = {
+    "FeedControl": "pulsewright.app.feed",
+    "Job": "pulsewright.app.run",
+    "open_board": "pulsewright.boards",
+}
 
 
 def __getattr__(name: str) -> Any:

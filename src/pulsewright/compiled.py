@@ -24,7 +24,9 @@ _IMPORT: Final = re.compile(r"^ *from (pulsewright[\w.]*) import (\([^)]*\)|.*)"
 
 
 def compiled(*, allocates: bool = True, **options: Any) -> Callable[[F], F]:
-    """Return ``numba.njit(cache=True, **options)``, made to keep no outdated kernel.
+    """Return ``numba.njit(cache=True, nogil=True, **options)``, made to keep no outdated kernel.
+
+    Other threads go on while a kernel runs: a plan is changed while it is played.
 
     Parameters
     ----------
@@ -38,7 +40,7 @@ def compiled(*, allocates: bool = True, **options: Any) -> Callable[[F], F]:
         options["_nrt"] = False  # of numba's own, whose version is pinned
 
     def decorate(function: F) -> F:
-        dispatcher = numba.njit(cache=True, **options)(function)
+        dispatcher = numba.njit(cache=True, nogil=True, **options)(function)
         if hasattr(dispatcher, "get_call_template"):
             dispatcher.get_call_template = _general(dispatcher.get_call_template)
         if hasattr(dispatcher, "_cache"):  # not with NUMBA_DISABLE_JIT

@@ -107,5 +107,9 @@ class LimitSwitchError(PulsewrightError):
     """A limit switch that was hit in mid-move."""
 
 
+class StoppedError(PulsewrightError):
+    """A job that was ended on request, before its program was."""
+
+
 class CheckFailedError(PulsewrightError):
     """A check that ran to its end and found a difference or a violated limit."""

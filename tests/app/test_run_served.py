@@ -1,10 +1,13 @@
 """Programs on boards behind a link that shows no step edges: served ones, in real time."""
 
 import json
+import time
+from threading import Thread
 
 import pytest
 from served import Control, Process, slow_machine
 
+from pulsewright.app.feed import FeedControl
 from pulsewright.app.run import UNSEEN, Job
 from pulsewright.errors import EstopError, MotionLimitError, StarvedError, UsageError
 
@@ -81,3 +84,61 @@ def test_edges_cannot_be_written_that_nobody_sees(program, tmp_path):
     with server, pytest.raises(UsageError, match=r"does not record step edges.*trace\.vcd"):
         job.run(link=link, out=tmp_path / "out", vcd=True)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.campaign  # in real time, which busy computers do not keep
+@pytest.mark.parametrize("board", TOLD)
+def test_a_program_on_a_served_board_is_held_and_overridden(board, tmp_path):
+    path = tmp_path / "part.ngc"
+    path.write_text("G21 G90 G64 P0.01\nG1 X23 Y1 F600\nX5.03 Y-2.47\nM2\n")
+    job = Job.from_gcode(path, machine=slow_machine(board, **OPTIONS.get(board, {})))
+    server, link = served(board, tmp_path)
+    with server:
+        control = Control(tmp_path / "c")
+        for attempt in range(TRIES):
+            before = control("steps")["steps"][:2]
+            feed, results = FeedControl(), []
+            thread = Thread(target=run_to, args=(results, job, link, feed, attempt > 0))
+            thread.start()
+            try:
+                while feed.state.time < 1.0 and feed.wait("running", 60):
+                    time.sleep(0.01)
+                asked = feed.state.time
+                feed.hold()
+                assert feed.wait("held", 60) or not thread.is_alive()
+                since = feed.state.time
+                time.sleep(0.5)  # the motors follow within that
+                places = []
+                for _ in range(2):
+                    places.append(control("steps")["steps"][:2])
+                    time.sleep(0.3)
+                feed.override(2.0)
+                feed.resume()
+            finally:
+                thread.join(60)
+            (result,) = results
+            if not isinstance(result, BUSY):
+                break
+            if attempt == TRIES - 1 and board == "pluto_step":
+                pytest.skip("this computer is too busy for a watchdog of 6.4 ms")
+            if attempt == TRIES - 1:
+                raise result
+            if board == "rapcores":
+                control("reset")
+        after = control("steps")["steps"][:2]
+    assert not isinstance(result, BaseException), repr(result)
+    # 0.12 s of making the plan or some buffer, 0.15 s of braking, and looks at what is asked
+    assert since - asked < 2.0
+    assert places[0] == places[1]
+    assert 500 < places[0][0] - before[0] < 2300
+    assert [b - a for a, b in zip(before, after, strict=True)] == END
+    assert [c.command for c in result.changes] == ["hold", "override", "resume"]
+    assert result.job.certificate.passed
+
+
+def run_to(results, job, link, feed, referenced):
+    """Keep what a run returns or raises."""
+    try:
+        results.append(job.run(link=link, feed=feed, referenced=referenced))
+    except Exception as error:
+        results.append(error)

@@ -12,7 +12,14 @@ from typing import Annotated, Any
 
 import typer
 
-from pulsewright.errors import BusError, CheckFailedError, EstopError, PulsewrightError
+from pulsewright.errors import (
+    BusError,
+    CheckFailedError,
+    EstopError,
+    PulsewrightError,
+    StoppedError,
+    UsageError,
+)
 
 # plain help: rich help costs more time to import than everything else together
 app = typer.Typer(
@@ -49,6 +56,24 @@ def _judge(result: Any, as_json: bool) -> None:
         raise typer.Exit(1)
 
 
+@contextmanager
+def _feed(control: str | None, hold: bool) -> Iterator[Any]:
+    """Yield what other programs control the feed of a run by; None if they do not."""
+    if control is None:
+        if hold:
+            raise UsageError("--hold begins held, and nothing could resume: give --control, too")
+        yield None
+        return
+    from pulsewright.app.feed import FeedControl
+    from pulsewright.app.feed_channel import listening
+
+    feed = FeedControl()
+    if hold:
+        feed.hold()
+    with listening(feed, control):
+        yield feed
+
+
 @app.command()
 def run(
     file: ProgramFile,
@@ -70,13 +95,20 @@ def run(
     referenced: Annotated[
         bool, typer.Option("--referenced", help="The machine was referenced after a failed run.")
     ] = False,
+    control: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="unix:PATH: JSON commands hold, resume, override, stop."),
+    ] = None,
+    hold: Annotated[
+        bool, typer.Option("--hold", help="Begin held, until `resume` comes by --control.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Interpret, plan, convert, run and verify a program; exit 0 only if every check passes."""
     from pulsewright.app import run as job_module
     from pulsewright.app.progress import progress
 
-    with progress() as report_progress:
+    with _feed(control, hold) as feed, progress() as report_progress:
         result = job_module.run_file(
             file,
             machine=machine,
@@ -87,6 +119,7 @@ def run(
             vcd=vcd,
             record=record,
             referenced=referenced,
+            feed=feed,
             progress=report_progress,
         )
     _judge(result, as_json)
@@ -404,15 +437,16 @@ def _cleanly_ended() -> Iterator[None]:
 def main() -> None:
     """Run the command line; errors become one line and an exit code.
 
-    2: unusable request or input; 1: a check failed, the link was lost or the board
-    stopped; 130: interrupted; 143: terminated. Before that boards come to rest on their path and
+    2: unusable request or input; 1: a check failed, the link was lost, the board or a client
+    stopped it; 130: interrupted; 143: terminated. Before that boards come to rest on their path and
     are stopped, and files that are not whole are removed.
     """
     try:
         sys.exit(app(standalone_mode=False))
     except PulsewrightError as error:
         _complain(str(error), error)
-        sys.exit(1 if isinstance(error, CheckFailedError | BusError | EstopError) else 2)
+        failed = CheckFailedError | BusError | EstopError | StoppedError
+        sys.exit(1 if isinstance(error, failed) else 2)
     except typer.Abort as error:
         _complain("interrupted", error)
         sys.exit(128 + signal.SIGINT)

@@ -33,6 +33,7 @@ _LABELS: Final = {
     "real_time_ratio": "machine time / CPU time",
     "messages": "messages of the program",
     "not_switched": "not switched, for want of outputs",
+    "feed_changes": "feed changed while it ran",
     "cpu_seconds": "CPU time [s]",
     "certificate": "certificate of the plan",
 }

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from pulsewright import boards
+from pulsewright.app.feed import Change, FeedControl, Feeding
 from pulsewright.app.planning import (
     Clock,
     Outline,
@@ -34,6 +36,7 @@ from pulsewright.files import replacing
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.gcode import interpret
 from pulsewright.motion.hold import AxisLimits
+from pulsewright.motion.live import LivePlan
 from pulsewright.motion.machine import Machine
 from pulsewright.motion.moves import AXES
 from pulsewright.motion.plan import begin_times
@@ -130,6 +133,7 @@ class Job:
         record: Path | str | None = None,
         faults: Faults | None = None,
         referenced: bool = False,
+        feed: FeedControl | None = None,
         progress: Progress = silent,
     ) -> Result:
         """Run on a board and verify the step edges; write reports to ``out`` unless None.
@@ -152,9 +156,13 @@ class Job:
         referenced : bool
             The machine has been referenced since it moved the last time. To be said where a run on
             this link has ended, or was killed, with the position unknown.
+        feed : FeedControl, optional
+            By which another thread holds, resumes, overrides and stops the run.
 
         Raises
         ------
+        StoppedError
+            If ``feed`` has stopped the run.
         UsageError
             If board, profile or link cannot be used as asked, or files cannot be written.
         MotionLimitError
@@ -173,7 +181,8 @@ class Job:
         room = boards.get(name)
         # what the machine file says holds for its own board only
         own = machine if name == settings.name else None
-        with Standing(link, self.program.path, referenced=referenced) as standing:
+        standing = Standing(link, self.program.path, referenced=referenced)
+        with self._fed(feed) as feeding, standing:
             standing.driver = driver = boards.open_board(
                 name,
                 link,
@@ -188,13 +197,28 @@ class Job:
                     f"link '{link}' does not record step edges, which trace.vcd holds; leave it "
                     f"out, or use twin:"
                 )
-            return self._run_on(driver, room, _watched(own), out, vcd, progress)
+            return self._run_on(driver, room, _watched(own), feeding, out, vcd, progress)
+
+    @contextmanager
+    def _fed(self, feed: FeedControl | None) -> Iterator[Feeding]:
+        """Yield the plan as ``feed`` changes it; what was asked before is done."""
+        machine, moves = self.machine, self.program.moves
+        plan = None if feed is None else LivePlan(self.trajectory, moves, machine)
+        steps = self.trajectory.mapped(machine.motor_matrix())
+
+        def mapped(plan: Trajectory) -> Trajectory:
+            return steps.timed(plan.element, plan.start, plan.law)
+
+        with Feeding(feed, plan, self.trajectory, mapped, self._place) as feeding:
+            feeding.begin()
+            yield feeding
 
     def _run_on(
         self,
         driver: Any,
         room: Board,
         watched: Mapping[str, Any],
+        feeding: Feeding,
         out: Path | str | None,
         vcd: bool,
         progress: Progress,
@@ -209,20 +233,21 @@ class Job:
             setup=machine.drive.direction_setup_us * MICROSECOND,
             hold=machine.drive.direction_hold_us * MICROSECOND,
         )
-        with self._place_told(driver), driver:
+        with self._place_told(driver, feeding), driver:
             recorder = getattr(driver.bus, "twin", None)
+            feeding.simulated = recorder is not None
             held = AxisLimits(rows @ np.linalg.pinv(matrix), acceleration, machine.jerk_limits())
             player = room.player(
                 driver,
-                self.trajectory.mapped(matrix),
+                feeding.motors,
                 Drives(rates, accelerations, jerks, drive, held, **watched),
             )
             with self.clock.stage("convert and run"):
                 player.prepare()
             switched = driver if room.digital_outputs else None
-            outputs = _Outputs(switched, machine, self.program, self.trajectory)
+            outputs = _Outputs(switched, machine, self.program, feeding)
             if recorder is None:
-                return self._run_unseen(driver, player, outputs, out, progress)
+                return self._run_unseen(driver, player, outputs, feeding, out, progress)
             verifier = Verifier(
                 trajectory=self.trajectory,
                 moves=self.program.moves,
@@ -234,13 +259,12 @@ class Job:
                 start_cycle=player.start_cycle,
                 tolerances=Tolerances(settle=2 * player.update),
             )
+            feeding.followed_by(verifier.follow)
             prepared = recorder.drain()
             verifier.feed(prepared)
             with _folder(out) as folder, _trace_file(folder, prepared) as keep:
-                for until in _portions(self.duration, outputs.times):
+                for until in self._played(player, outputs, feeding):
                     with self.clock.stage("convert and run"):
-                        player.play(until)
-                        outputs.switch(until)
                         recorder.advance(driver.bus.now())  # see the last access take effect
                         chunk = recorder.drain()
                     with self.clock.stage("verify"):
@@ -250,7 +274,7 @@ class Job:
                     progress("run", min(until / max(self.duration, 1e-9), 1.0))
                 with self.clock.stage("verify"):
                     verdict = verifier.finish()
-        result = self._result(driver, player, outputs, verdict, folder)
+        result = self._result(driver, player, outputs, feeding, verdict, folder)
         if folder is not None:
             with self.clock.stage("write"):
                 progress("report", 0.0)
@@ -263,32 +287,47 @@ class Job:
         driver: Any,
         player: Player,
         outputs: _Outputs,
+        feeding: Feeding,
         out: Path | str | None,
         progress: Progress,
     ) -> Result:
         """Run on a board whose pins nobody sees: what it tells by itself is all there is."""
         with _folder(out) as folder:
-            for until in _portions(self.duration, outputs.times):
-                with self.clock.stage("convert and run"):
-                    player.play(until)
-                    outputs.switch(until)
+            for until in self._played(player, outputs, feeding):
                 progress("run", min(until / max(self.duration, 1e-9), 1.0))
-            result = self._result(driver, player, outputs, None, folder)
+            result = self._result(driver, player, outputs, feeding, None, folder)
             if folder is not None:
                 with self.clock.stage("write"):
                     result.write(folder)
         return result
+
+    def _played(self, player: Player, outputs: _Outputs, feeding: Feeding) -> Iterator[float]:
+        """Play in portions of `CHUNK` at most; yield the time up to which has been played [s]."""
+        reached = 0.0
+        while reached < math.inf:
+            until = min((math.floor(reached / CHUNK + 1e-9) + 1) * CHUNK, outputs.next)
+            if until >= feeding.trajectory.duration:
+                until = math.inf
+            with self.clock.stage("convert and run"):
+                reached = feeding.play(player, until)
+                outputs.switch(reached)
+            yield reached
 
     def _result(
         self,
         driver: Any,
         player: Player,
         outputs: _Outputs,
+        feeding: Feeding,
         verdict: Verdict | None,
         folder: Path | None,
     ) -> Result:
+        job = self
+        if feeding.changes:
+            job = replace(self, trajectory=feeding.trajectory, certificate=feeding.certificate())
+            require_certificate(self.program.path, job.certificate)
         return Result(
-            self,
+            job,
             driver.registers.board,
             driver.profile,
             verdict,
@@ -296,10 +335,11 @@ class Job:
             folder,
             outputs.not_switched,
             player.evidence,
+            tuple(feeding.changes),
         )
 
     @contextmanager
-    def _place_told(self, driver: Any) -> Iterator[None]:
+    def _place_told(self, driver: Any, feeding: Feeding) -> Iterator[None]:
         """Add to what ends a ``with`` block early a note of where the machine stands."""
         try:
             yield
@@ -308,19 +348,20 @@ class Job:
             if not driver.position_known:
                 error.add_note(UNKNOWN if hasattr(driver.bus, "twin") else f"{UNKNOWN}, {SAY_SO}")
             elif stop is not None:
-                place = self.trajectory.at(stop.time)[0]
-                axes = [f"{a} {place[AXES.index(a)]:.3f}" for a in self.machine.axes]
+                line, place = self._place(feeding.trajectory, stop.time)
+                axes = [f"{axis} {x:.3f}" for axis, x in place.items()]
                 error.add_note(
                     f"stopped within its limits on its path at {stop.time:.3f} s of the plan, "
-                    f"line {self._line(stop.time)}: {' '.join(axes)}"
+                    f"line {line}: {' '.join(axes)}"
                 )
             raise
 
-    def _line(self, time: float) -> int:
-        """Return the line of the program that the plan is on at ``time`` [s]."""
-        plan = self.trajectory
+    def _place(self, plan: Trajectory, time: float) -> tuple[int, dict[str, float]]:
+        """Return the line of the program and the position by axis at a time of a plan [s]."""
         k = np.clip(np.searchsorted(plan.start, time, "right") - 1, 0, len(plan.element) - 1)
-        return int(self.program.moves.line[plan.move[plan.element[k]]])
+        place, lines = plan.at(time)[0], self.program.moves.line
+        line = int(lines[plan.move[plan.element[k]]]) if len(lines) else 0
+        return line, {axis: float(place[AXES.index(axis)]) for axis in self.machine.axes}
 
     def summary(self) -> dict[str, Any]:
         """Return what is known before running, in plain types."""
@@ -369,6 +410,9 @@ class Result:
         What the program switches and the machine wires, but the board has no outputs for.
     evidence : tuple of str
         What the board told, and was as it should be. Anything else would have been an error.
+    changes : tuple of Change
+        What a `FeedControl` asked, and when it was done; ``job`` has the plan and the certificate
+        of what was really played.
     """
 
     job: Job
@@ -379,6 +423,7 @@ class Result:
     folder: Path | None
     not_switched: tuple[str, ...] = ()
     evidence: tuple[str, ...] = ()
+    changes: tuple[Change, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -429,6 +474,7 @@ class Result:
             "update_rate": self.update_rate,
             "real_time_ratio": self.real_time_ratio,
             "not_switched": list(self.not_switched),
+            **({"feed_changes": [asdict(c) for c in self.changes]} if self.changes else {}),
         } | (
             {}
             if self.verdict is not None
@@ -485,23 +531,31 @@ class _Outputs:
     Without a driver nothing is switched; `not_switched` says what should be.
     """
 
-    def __init__(
-        self, driver: Any, machine: Machine, program: Program, trajectory: Trajectory
-    ) -> None:
-        begin = begin_times(trajectory, len(program.moves))
+    def __init__(self, driver: Any, machine: Machine, program: Program, feeding: Feeding) -> None:
         wired = machine.outputs.model_dump(exclude_none=True)
-        self._driver = driver
-        self._wired = wired
-        waiting = [(float(begin[e.at]), e) for e in program.events if e.kind in wired]
-        self._waiting = [] if driver is None else waiting
-        kinds = {event.kind for _, event in waiting if event.value}
+        events = [event for event in program.events if event.kind in wired]
+        self._driver, self._wired, self._feeding = driver, wired, feeding
+        self._moves = len(program.moves)
+        self._waiting = [] if driver is None else events
+        kinds = {event.kind for event in events if event.value}
         self.not_switched = tuple(sorted(kinds)) if driver is None else ()
-        self.times = [when for when, _ in self._waiting]
+        self._plan: Trajectory | None = None
+        self._begin = np.zeros(0)
+
+    @property
+    def next(self) -> float:
+        """When the next output is switched, by the plan as it is now [s]."""
+        if not self._waiting:
+            return math.inf
+        if self._plan is not self._feeding.trajectory:
+            self._plan = self._feeding.trajectory
+            self._begin = begin_times(self._plan, self._moves)
+        return float(self._begin[self._waiting[0].at])
 
     def switch(self, until: float) -> None:
         """Set the outputs of all events up to time ``until`` [s]."""
-        while self._waiting and self._waiting[0][0] <= until:
-            _, event = self._waiting.pop(0)
+        while self._waiting and self.next <= until:
+            event = self._waiting.pop(0)
             self._driver.write_output(self._wired[event.kind], event.value != 0)
 
 
@@ -516,6 +570,7 @@ def run_file(
     vcd: bool = False,
     record: Path | None = None,
     referenced: bool = False,
+    feed: FeedControl | None = None,
     progress: Progress = silent,
 ) -> Result:
     """Do the main job as the command line does: reports go to out/<program> unless told."""
@@ -528,6 +583,7 @@ def run_file(
         vcd=vcd,
         record=record,
         referenced=referenced,
+        feed=feed,
         progress=progress,
     )
 
@@ -554,14 +610,6 @@ def _watched(machine: Machine | None) -> dict[str, Any]:
     if machine is not None and machine.switches is not None:
         watched["switches"] = LimitSwitches(machine.switches.inputs, machine.switches.active)
     return watched
-
-
-def _portions(duration: float, stops: Sequence[float]) -> Iterator[float]:
-    """Yield the ends of the portions a job is handled in: `CHUNK` at most, and at ``stops``."""
-    regular = np.arange(1, int(duration / CHUNK) + 1) * CHUNK
-    ends = np.unique(np.concatenate([regular, np.asarray(stops, float)]))
-    yield from ends[ends < duration].tolist()
-    yield np.inf
 
 
 @contextmanager

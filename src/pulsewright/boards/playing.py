@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
+from threading import Thread
 from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import numpy as np
@@ -44,6 +48,8 @@ CLOSED: Final = (
     "encoder inputs (loopback in its [board.options]), a plan is played in closed loop, where the "
     "host may be late"
 )
+AHEAD: Final = 0.1  # from now on, in which a new plan is made while the old one is played [s]
+SWITCH: Final = 2e-4  # meanwhile, after so long another thread has its turn [s]
 SETTLED: Final = 2  # updates ahead of the next one, up to which a plan may have been looked at
 
 
@@ -182,19 +188,20 @@ class Player(ABC):
         self.driver.stopped_at = self.stopped_at
         return self.stopped_at
 
-    def change(self, replan: Callable[[float], Trajectory]) -> float:
+    def change(self, replan: Callable[[float], Trajectory]) -> float | None:
         """Go on with another plan, from as soon as the board can leave the one it has.
 
         Parameters
         ----------
         replan : callable
             Gets the time of that [s]; returns a plan that is the same up to then, piece by piece.
-            It is not called where the plan ends before. If it raises, the plan stays.
+            On links in real time it is called in another thread, while the old plan goes on, and
+            again for a later time if it took too long. If it raises, the plan stays.
 
         Returns
         -------
-        float
-            That time, or when the plan ends [s].
+        float or None
+            That time [s]; None if the plan ends before, and stays.
 
         Raises
         ------
@@ -207,7 +214,7 @@ class Player(ABC):
             raise UsageError("this plan is not under way: there is nothing to change")
         with kept_back() as self._interrupted:
             try:
-                return self._leave(lambda time: (replan(time), time))
+                return self._change(replan)
             except (BusError, EstopError) as error:
                 self._lost(error)
                 raise
@@ -219,6 +226,10 @@ class Player(ABC):
     def _hold(self, time: float) -> tuple[Trajectory, float]:
         """Return the plan left at ``time`` [s], with its way to rest, and where that is."""
         return hold(self.trajectory, time, self.limits)
+
+    def _change(self, replan: Callable[[float], Trajectory]) -> float | None:
+        """Do what `change` says."""
+        return self._leave(lambda time: (replan(time), time))
 
     def _lost(self, error: BaseException) -> None:
         """Note that an error has ended the motion, or that it is not as planned any more."""
@@ -259,11 +270,63 @@ class Player(ABC):
         """Do what `stop` says; return None, early, when interrupted."""
 
     @abstractmethod
-    def _leave(self, replan: Replan) -> float:
+    def _leave(self, replan: Replan) -> float | None:
         """Leave the plan as soon as possible for another one; return the time that came with it.
 
-        Where the plan ends before, return when [s].
+        None if the plan ends before.
         """
+
+
+class PacedPlayer(Player):
+    """A plan whose commands go out at their time, so that none may wait for a new plan.
+
+    Parameters as `Player`.
+    """
+
+    @property
+    @abstractmethod
+    def free_from(self) -> float:
+        """Time from which on the plan may be another one, if it is there at once [s]."""
+
+    @abstractmethod
+    def _follow(self, trajectory: Trajectory) -> None:
+        """Go on with a plan that is the same up to `free_from`, piece by piece."""
+
+    def _leave(self, replan: Replan) -> float | None:
+        if self.free_from >= self.trajectory.duration:
+            return None
+        trajectory, time = replan(self.free_from)
+        self._follow(trajectory)
+        return time
+
+    def _change(self, replan: Callable[[float], Trajectory]) -> float | None:
+        if not self.driver.bus.in_real_time:
+            return super()._change(replan)
+        ahead = AHEAD
+        while (time := self.free_from + ahead) < self.trajectory.duration:
+            made = self._meanwhile(partial(replan, time))
+            if made is None:
+                return None
+            if self.free_from <= time:
+                self._follow(made)
+                return time
+            ahead *= 2
+        return None
+
+    def _meanwhile(self, make: Callable[[], Trajectory]) -> Trajectory | None:
+        """Play on while a plan is made; return that, or None when interrupted."""
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH)
+        try:
+            made: Future[Trajectory] = Future()
+            Thread(target=_fill, args=(made, make), daemon=True).start()
+            while not made.done():
+                if self._interrupted():
+                    return None
+                self._play(self.free_from)
+            return made.result()
+        finally:
+            sys.setswitchinterval(before)
 
 
 class UpdateConverter(ABC, Generic[U]):
@@ -373,7 +436,7 @@ class UpdateConverter(ABC, Generic[U]):
         return (cycle - self.start_cycle) / self._clock_hz
 
 
-class UpdatePlayer(Player, Generic[U]):
+class UpdatePlayer(PacedPlayer, Generic[U]):
     """A plan streamed to a board in portions. ``_prepare`` sets ``_converter``.
 
     Parameters as `Player`.
@@ -455,7 +518,8 @@ class UpdatePlayer(Player, Generic[U]):
         self.check()
 
     def _stop(self) -> Stop | None:
-        converter, time = self.converter, self._leave(self._hold)
+        converter, end = self.converter, self.trajectory.duration
+        time = self._leave(self._hold)
         while not converter.done:
             if self._interrupted():
                 return None
@@ -464,15 +528,16 @@ class UpdatePlayer(Player, Generic[U]):
             except LateError:  # a ramp that is not exact is better than none
                 self.driver.lose_position()
         self.check()
-        return Stop(time, tuple(converter.count.tolist()))
+        return Stop(end if time is None else time, tuple(converter.count.tolist()))
 
-    def _leave(self, replan: Replan) -> float:
-        converter = self.converter
-        if converter.free_from >= self.trajectory.duration:
-            return self.trajectory.duration
-        self.trajectory, time = replan(converter.free_from)
-        converter.follow(self.trajectory)
-        return time
+    @property
+    def free_from(self) -> float:
+        """Time from which on the plan may be another one, if it is there at once [s]."""
+        return self.converter.free_from
+
+    def _follow(self, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
+        self.converter.follow(trajectory)
 
     def check(self) -> None:
         """See that the board runs, no limit switch is hit, and motors are where they should be.
@@ -533,3 +598,11 @@ class UpdatePlayer(Player, Generic[U]):
             elif spent > SLOW:
                 self._portion = max(self._portion // 2, 1)
         return count
+
+
+def _fill(future: Future[Trajectory], make: Callable[[], Trajectory]) -> None:
+    """Give a future what ``make`` returns or raises."""
+    try:
+        future.set_result(make())
+    except BaseException as error:  # raised again where the result is asked for
+        future.set_exception(error)

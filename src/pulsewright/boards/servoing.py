@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.driving import Stop
-from pulsewright.boards.playing import ROUNDING, WATCH, Drives, Player, Replan
+from pulsewright.boards.playing import ROUNDING, WATCH, Drives, PacedPlayer
 from pulsewright.boards.watching import check_positions, check_switches
 from pulsewright.errors import FollowingError, MotionLimitError
 
@@ -36,7 +36,7 @@ SETTLED: Final = 3  # periods in which all motors are there: the plan is done
 SETTLING: Final = 1.0  # that a motor may take to get there [s]
 
 
-class ServoPlayer(Player):
+class ServoPlayer(PacedPlayer):
     """Play motor positions in closed loop. Creating one sends nothing; see `prepare`.
 
     A room defines `_start`, `_place` and ``_cause``.
@@ -161,14 +161,15 @@ class ServoPlayer(Player):
             if self._interrupted():
                 return None
             self._period()
-        return Stop(min(at, end), self._end())
+        return Stop(end if at is None else min(at, end), self._end())
 
-    def _leave(self, replan: Replan) -> float:
-        time = max(self._time() + SOON, 0.0) if self._begun else 0.0
-        if time >= self.trajectory.duration:
-            return self.trajectory.duration
-        self.trajectory, left = replan(time)
-        return left
+    @property
+    def free_from(self) -> float:
+        """Time from which on the plan may be another one, if it is there at once [s]."""
+        return max(self._time() + SOON, 0.0) if self._begun else 0.0
+
+    def _follow(self, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
 
     def _end(self) -> tuple[int, ...]:
         """Return the steps at which what is played now ends."""

@@ -75,6 +75,12 @@ class Trajectory:
             sine=np.ascontiguousarray(self.sine @ matrix.T),
         )
 
+    def timed(
+        self, element: NDArray[np.int32], start: NDArray[np.float64], law: NDArray[np.float64]
+    ) -> Trajectory:
+        """Return the same path with other pieces."""
+        return replace(self, element=element, start=start, law=law)
+
     def at(self, time: NDArray[np.float64] | float, derivative: int = 0) -> NDArray[np.float64]:
         """Return position (0), velocity (1), acceleration (2) or jerk (3) at times, (n, axes).
 

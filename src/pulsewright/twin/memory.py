@@ -76,4 +76,4 @@ clock_gettime = _of_system("clock_gettime", types.int32, types.int32, types.int6
 
 def unlocked(function: F) -> F:
     """Compile a kernel that may wait: other threads of the program run meanwhile."""
-    return compiled(**OPTIONS, nogil=True)(function)
+    return compiled(**OPTIONS)(function)

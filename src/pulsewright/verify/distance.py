@@ -34,7 +34,7 @@ class PathCheck:
     def __init__(self, reference: Reference, group: str) -> None:
         self.group, self.columns = group, GROUPS[group]
         self.suffix, self.axes, self.unit = _WORDS[group]
-        self._reference, moves, runs = reference, reference.moves, reference.runs
+        self._reference, moves = reference, reference.moves
         per_axis = np.abs(reference.inverse[self.columns]).sum(axis=1)
         self.quantum = float(np.linalg.norm(reference.tolerances.following * per_axis))
         starts = moves.starts()
@@ -49,7 +49,19 @@ class PathCheck:
         self._normal = np.where(arc, moves.plane, -1).astype(np.int8)
         self._center = np.ascontiguousarray(moves.center, float)
         self._arc, self._length = columns, length
-        self._corner = runs.tolerance + (slack[runs.move] if len(moves) else 0.0)
+        self._slack = slack
+        self.follow()
+        allowed = np.maximum(moves.tolerance, moves.collapse * (moves.tolerance > 0))
+        self._needed = allowed + slack
+        self._covered = np.full(len(moves), np.inf)
+        self._worst = np.zeros(4)
+        self._state = np.zeros(2, np.int64)
+        self._before = reference.tool(reference.start_counts[None])[0]
+
+    def follow(self) -> None:
+        """Take in when the plan is in which move; what has been compared stays."""
+        reference, moves, runs = self._reference, self._reference.moves, self._reference.runs
+        self._corner = runs.tolerance + (self._slack[runs.move] if len(moves) else 0.0)
         # When the end of each move can be passed: from the start of the run that leads to it to
         # the end of the run after it, and a little more, since the machine trails the plan.
         index = np.arange(len(moves))
@@ -59,12 +71,6 @@ class PathCheck:
         span = np.stack([runs.start[into] - margin, runs.end[out] + margin], axis=1)
         self._span = reference.start + np.round(span * reference.clock).astype(np.int64)
         self._due = runs.end[np.minimum(np.searchsorted(runs.move, index), len(runs.move) - 1)]
-        allowed = np.maximum(moves.tolerance, moves.collapse * (moves.tolerance > 0))
-        self._needed = allowed + slack
-        self._covered = np.full(len(moves), np.inf)
-        self._worst = np.zeros(4)
-        self._state = np.zeros(2, np.int64)
-        self._before = reference.tool(reference.start_counts[None])[0]
 
     def feed(self, tool: Floats, run: Ints, cycle: int) -> Floats:
         """Compare the tool (n, 6) at instants from ``cycle`` on; return its distances (n,)."""

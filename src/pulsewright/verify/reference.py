@@ -113,6 +113,12 @@ class Reference:
         self.dt = self.grid / clock_hz
         self.runs = Runs(self.plan, moves)
 
+    def follow(self, plan: Trajectory, override: Floats) -> None:
+        """Go on with another law of time on the same elements; see `Verifier.follow`."""
+        law = plan.element, plan.start, plan.law
+        self.plan, self.steps = self.plan.timed(*law), self.steps.timed(*law)
+        self.runs = Runs(self.plan, self.moves, override)
+
     def tool(self, steps: NDArray[Any]) -> Floats:
         """Return tool positions (n, 6) of motor positions (n, motors)."""
         moved = np.ascontiguousarray(steps, float) - self.home_steps
@@ -153,7 +159,9 @@ class Runs:
         When the blend at its start ends, and when the one at its end begins [s].
     """
 
-    def __init__(self, plan: Trajectory, moves: Moves) -> None:
+    def __init__(self, plan: Trajectory, moves: Moves, override: Floats | None = None) -> None:
+        self._begin = plan.start[:-1]
+        self._override = np.ones(len(plan.element)) if override is None else override
         move = plan.move[plan.element].astype(np.int64)
         first = np.flatnonzero(np.diff(move, prepend=-1))
         self.move = move[first]
@@ -204,7 +212,7 @@ class Runs:
             self.lent[group] = np.where((moving > 0) & foreign, most, feed)
 
     def allowed(self, group: str, run: Ints, time: Floats) -> Floats:
-        """Return the highest feed at each time, and in all runs since the time before it.
+        """Return the highest feed at each time, and in all pieces since the time before it.
 
         ``time`` (n,) is in the runs ``run`` (n,) [s].
         """
@@ -212,7 +220,14 @@ class Runs:
         feed = largest(self.feed[group], before, run + 1)
         lent = largest(self.lent[group], before, run + 1)
         blended = (time < self.entered[run]) | (time > self.left[run])
-        return np.asarray(np.where(blended, lent, feed))
+        most = np.where(blended, lent, feed)
+        if (self._override == 1).all():
+            return np.asarray(most)
+        piece = np.maximum(np.searchsorted(self._begin, time, "right") - 1, 0)
+        ahead = np.append(piece[:1], piece[:-1])
+        factor = largest(self._override, ahead, piece + 1)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.where(np.isinf(most), most, most * factor))
 
     def at(self, time: Floats) -> Ints:
         """Return the run at each time [s]."""

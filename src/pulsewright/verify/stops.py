@@ -28,6 +28,19 @@ class StopCheck:
 
     def __init__(self, reference: Reference) -> None:
         self._reference = reference
+        self._intervals()
+
+    def follow(self) -> None:
+        """Take in another plan; of intervals that begin as before, what was seen stays."""
+        window, seen = self.window, self.seen
+        self._intervals()
+        same = min(len(window), len(self.window)) - 1  # the last one is all time after the end
+        same = int(np.argmin(np.append(window[:same, 0] == self.window[:same, 0], False)))
+        self.seen[:, :same] = seen[:, :same]
+
+    def _intervals(self) -> None:
+        """Find the standstills."""
+        reference = self._reference
         plan, tolerances = reference.plan, reference.tolerances
         law, start = plan.law, plan.start
         rest = (law[:, 1:] == 0).sum(axis=1) == 3

@@ -196,6 +196,29 @@ class Verifier:
             distances = [path.feed(tool, run, cycle) for path in self._paths]
             self._dynamics.feed(tool, reference.tool(plan.T), run, deviation.T, distances[0])
 
+    def follow(self, trajectory: Trajectory, override: Floats) -> None:
+        """Go on with a plan that was changed while it was played: held, resumed, or overridden.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            With the same elements, and the same pieces up to some time after all that was fed.
+        override : (k,) float64
+            Of the feed, on each piece.
+
+        Raises
+        ------
+        UsageError
+            If the elements are others.
+        """
+        plan = self._reference.plan
+        if not np.array_equal(trajectory.length, plan.length):
+            raise UsageError("the changed plan has other elements than the one before")
+        self._reference.follow(trajectory, override)
+        self._stops.follow()
+        for path in self._paths:
+            path.follow()
+
     def finish(self) -> Verdict:
         """Return the verdict on all that was fed.
 

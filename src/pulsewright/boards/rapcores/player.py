@@ -298,11 +298,16 @@ class RapcoresPlayer(Player):
 
     def _stop(self) -> Stop | None:
         job = self._playing
+        end = self.trajectory.duration
         time = self._leave(self._hold)
         self._play(math.inf)
-        return Stop(time, tuple(job.accumulators[0].tolist())) if job.finished else None
+        return (
+            Stop(end if time is None else time, tuple(job.accumulators[0].tolist()))
+            if job.finished
+            else None
+        )
 
-    def _leave(self, replan: Replan) -> float:
+    def _leave(self, replan: Replan) -> float | None:
         job = self._playing
         time = job.leave(replan)
         self.trajectory = job.converter.trajectory
@@ -439,13 +444,14 @@ class _Job:
         self._all_converted = False
         self.start_cycle = self._start()
 
-    def leave(self, replan: Replan) -> float:
+    def leave(self, replan: Replan) -> float | None:
         """Leave the trajectory behind the moves that are sent; see `Player`."""
         trajectory, pace = self.converter.trajectory, self._pace
         at = self._ticks // pace.ticks
-        if self._all_converted and at >= self.converter.total:
-            return trajectory.duration
-        plan, time = replan(max(self.converter.time(self._ticks), 0.0))
+        begin = max(self.converter.time(self._ticks), 0.0)
+        if begin >= trajectory.duration:
+            return None
+        plan, time = replan(begin)
         self.converter = Converter(
             plan,
             ticks=pace.ticks,

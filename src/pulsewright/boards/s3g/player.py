@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 LEAD: Final = 0.2  # from the first load to time 0 of the plan: a failed start is ended before [s]
 CONVERTED: Final = 4096  # grid steps at once
 AHEAD: Final = 0.04  # of what is written, kept when the plan is left, beside some packets [s]
+MAKING: Final = 0.5  # the same where the plan after it has to be made, in real time [s]
 PACKETS: Final = 6  # those
 NAP: Final = 0.05  # longest wait without a look at signals [s]
 MEASURED: Final = 3  # packets, to learn how long they take
@@ -193,8 +195,8 @@ class S3GPlayer(Player):
         self.driver.bus.sleep(self.update)  # the last pulse goes out
 
     def _stop(self) -> Stop | None:
+        job, end = self._playing, self.trajectory.duration
         time = self._leave(self._hold)
-        job = self._playing
         try:
             self._play(math.inf)
         except StarvedError as error:  # at rest all the same, on the ramp of the board
@@ -202,12 +204,22 @@ class S3GPlayer(Player):
             return Stop(error.time, tuple(place.astype(int).tolist()))
         if not self.done:
             return None
-        return Stop(time, tuple((job.converter.position // reg.STEP_UNITS).tolist()))
+        position = tuple((job.converter.position // reg.STEP_UNITS).tolist())
+        return Stop(end if time is None else time, position)
 
-    def _leave(self, replan: Replan) -> float:
+    def _leave(self, replan: Replan) -> float | None:
+        return self._replaced(replan, AHEAD)
+
+    def _change(self, replan: Callable[[float], Trajectory]) -> float | None:
+        simulated = getattr(self.driver.bus, "twin", None) is not None
+        ahead = AHEAD if simulated else MAKING
+        return self._replaced(lambda time: (replan(time), time), ahead)
+
+    def _replaced(self, replan: Replan, ahead: float) -> float | None:
+        """Replace the words that are not given for ``ahead`` seconds and some packets."""
         job = self._playing
         try:
-            return job.leave(replan)
+            return job.leave(replan, ahead)
         finally:
             self.trajectory = job.converter.trajectory
 
@@ -269,7 +281,7 @@ class S3GPlayer(Player):
         steps = int(load.steps[0]) + job.encoder.abort.steps(velocity)
         longest = (int(load.steps[0]) + 1) * self._grid + steps * job.encoder.abort.dt
         limit = driver.bus.now() + 2 * longest
-        while driver.read_register("R_ASG_STEP")["value"] < steps:
+        while velocity.any() and driver.read_register("R_ASG_STEP")["value"] < steps:
             if driver.bus.now() > limit:
                 raise BusError("s3g: the program ended, but motion does not stop as it should")
             self._sleep(job.encoder.abort.dt)
@@ -322,14 +334,14 @@ class _Job:
                 self.ring.append(self.encoder.finish(self.converter.position))
                 self._finished = True
 
-    def leave(self, replan: Replan) -> float:
-        """Leave the trajectory as soon as the link allows; see `Player`."""
+    def leave(self, replan: Replan, ahead: float) -> float | None:
+        """Leave the trajectory in ``ahead`` seconds and what the link takes; see `Player`."""
         plan, grid, lead = self.converter.trajectory, self.converter.grid, self.encoder.lead
         self.convert()
-        soon = PACKETS * self._packet + round(AHEAD * reg.CLOCK_HZ)
+        soon = PACKETS * self._packet + round(ahead * reg.CLOCK_HZ)
         kept = self.ring.cut(soon, lead, lead + self.converter.total)
         if kept is None:
-            return plan.duration
+            return None
         end, loads = kept
         try:
             plan, time = replan(max((end - lead) * grid / reg.CLOCK_HZ, 0.0))

@@ -30,9 +30,10 @@ class Tolerances:
     following : float
         Largest difference of count and planned motor position at any instant [step].
     settle : float
-        Time after the plan has come to rest by which the counts must be exact [s].
+        Time after the plan has come to rest by which the counts must be exact, and so long before
+        it moves on they may change [s].
     passing : float
-        Closest approach to a stop at which the plan rests for less than ``settle`` [step].
+        Closest approach to a stop at which the plan rests for less than twice ``settle`` [step].
     tie : float
         A stop so close to half a step may be rounded either way [step].
     share : float

@@ -158,6 +158,8 @@ def test_another_thread_holds_waits_and_goes_on(job):
     (result,) = results
     assert result.passed, result.text()
     assert feed.state.state == "ended"
+    assert feed.state.time == result.job.duration
+    assert feed.state.position == pytest.approx({"X": 0, "Y": 0, "Z": 0, "A": 0}, abs=1e-9)
     assert not feed.wait("held")
     assert [c.command for c in result.changes] == ["hold", "override", "resume", "hold", "resume"]
 

@@ -282,7 +282,9 @@ class Feeding:
                 end = math.inf
             player.play(end)
             self.time = end
-            if end >= until or end == math.inf:
+            if end == math.inf:
+                self._tell(feed, plan)
+            if end >= until:
                 return end
 
     def _carry_out(self, command: str, factor: float, change: ChangePlan) -> bool:
@@ -317,8 +319,9 @@ class Feeding:
         state = "running"
         if plan.held:
             state = "held" if plan.at_rest(self.time) else "holding"
-        line, position = self._place(plan.trajectory, self.time)
-        feed._tell(FeedState(state, self.time, plan.factor, line, position))
+        time = min(self.time, plan.trajectory.duration)
+        line, position = self._place(plan.trajectory, time)
+        feed._tell(FeedState(state, time, plan.factor, line, position))
 
 
 def _changed(plan: LivePlan, command: str, factor: float, time: float) -> LivePlan:

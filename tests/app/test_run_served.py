@@ -9,7 +9,14 @@ from served import Control, Process, slow_machine
 
 from pulsewright.app.feed import FeedControl
 from pulsewright.app.run import UNSEEN, Job
-from pulsewright.errors import EstopError, MotionLimitError, StarvedError, UsageError
+from pulsewright.errors import (
+    EstopError,
+    FollowingError,
+    MotionLimitError,
+    PositionUnknownError,
+    StarvedError,
+    UsageError,
+)
 
 BUSY = EstopError, MotionLimitError, StarvedError  # what a computer is told that does too much
 TRIES = 5
@@ -76,6 +83,32 @@ def test_a_program_on_a_served_board(board, program, tmp_path):
     assert "PLAYED; this link shows no step edges to verify" in text
     assert f"not verified: {UNSEEN[0]}" in text
     assert "PASSED" not in text
+
+
+@pytest.mark.campaign  # in real time
+def test_a_wrong_count_on_the_way_is_no_good_run(program, tmp_path):
+    program.write_text("G21 G90\nG1 X90 F600\nM2\n")
+    job = Job.from_gcode(program, machine=slow_machine("usc", **OPTIONS["usc"]))
+    server, link = served("usc", tmp_path)
+    with server:
+        control = Control(tmp_path / "c")
+
+        def slip():
+            while abs(control("steps")["steps"][0]) < 200:
+                time.sleep(0.01)
+            control("enc", n=0, value=5000)
+
+        moving = Thread(target=slip)
+        moving.start()
+        with pytest.raises(FollowingError, match="steps from where it was commanded to be"):
+            job.run(link=link, out=tmp_path / "out")
+        moving.join(60)
+        assert control("get")["estop"]
+        before = control("steps")["steps"]
+        with pytest.raises(PositionUnknownError, match="steps from where"):
+            job.run(link=link, out=tmp_path / "out")
+        assert control("steps")["steps"] == before
+    assert not (tmp_path / "out").exists()
 
 
 def test_edges_cannot_be_written_that_nobody_sees(program, tmp_path):

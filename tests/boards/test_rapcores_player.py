@@ -11,6 +11,7 @@ from pulsewright.boards.rapcores import player as player_module
 from pulsewright.boards.rapcores.driver import RapcoresDriver
 from pulsewright.boards.rapcores.messages import Codec
 from pulsewright.boards.rapcores.player import RapcoresPlayer, Told
+from pulsewright.boards.rapcores.registers import R_BUFFER_STATE, R_TICKS_LEFT
 from pulsewright.boards.rapcores.twin import RapcoresTwin
 from pulsewright.edges.path import StepCounter, numbered_pins
 from pulsewright.edges.timing import DriveTiming
@@ -303,6 +304,42 @@ def test_a_host_that_pauses_too_long_starves_the_board_and_resumes(depth):
     assert driver.read_steps()[:2].tolist() == np.floor(plan.at(9.0)[0] + 0.5).tolist()
     with pytest.raises(UsageError, match="nothing to resume"):
         player.resume()
+
+
+class Noisy(Cable):
+    """A link on which noise makes all ones of the ticks left, in some of the answers."""
+
+    asked, spoilt = 0, -1  # answers; noise begins at 0
+
+    def transfer(self, data, cycle=-1):
+        reply = super().transfer(data)
+        codec, size = Codec(word_bits=64), 8
+        question = codec.status_read(R_TICKS_LEFT) + codec.status_read(R_BUFFER_STATE)
+        if self.spoilt < 0 or not data.endswith(question):
+            return reply
+        self.asked += 1
+        if self.asked % 5:
+            return reply
+        self.spoilt += 1
+        return reply[: -3 * size] + b"\xff" * size + reply[-2 * size :]
+
+    def sleep(self, seconds):
+        assert self.spoilt < 0 or seconds < 0.02, "longer than the longest move"
+        super().sleep(seconds)
+
+
+def test_noise_in_the_ticks_left_never_lets_the_host_wait_longer_than_a_move():
+    bus = Noisy(RapcoresTwin("document", depth=16))
+    driver = RapcoresDriver(bus, depth=16)
+    plan = swing(0.3, 500, 9000)
+    player = play_on(driver, plan)
+    player.prepare()
+    player.play(0.05)  # it waits behind a move of 0.2 s
+    bus.spoilt = 0
+    player.play(math.inf)
+    assert player.done
+    assert bus.spoilt > 10
+    assert driver.read_steps()[:2].tolist() == np.floor(plan.at(9.0)[0] + 0.5).tolist()
 
 
 def test_a_pause_just_within_the_buffer_starves_nobody():

@@ -644,10 +644,11 @@ class _Job:
             self._driver.buffer()  # asks again; raises if no board answers
             reply = self._bus.transfer(self._question)
             state = int.from_bytes(reply[-size:], "little")
-        # no more than the longest of the moves that may execute, whatever noise makes of it
-        most = max((duration for duration, _, _ in self._open), default=0)
-        self._ticks_left = min(int.from_bytes(reply[-3 * size : -2 * size], "little"), most)
         self._used = state & reg.R_BUFFER_STATE_USED_MASK
+        # no more than the move that executes has, whatever noise makes of it
+        known = 0 < self._used <= len(self._open)
+        most = self._open[-self._used][0] if known else 0
+        self._ticks_left = min(int.from_bytes(reply[-3 * size : -2 * size], "little"), most)
         if state & HALT:
             self._driver.check_running()
 

@@ -74,11 +74,11 @@ def test_shared_arithmetic_is_as_exact_in_the_long_run(options, seed, half):
 
 def test_the_smallest_divider():
     assert Rapcores().min_divider == 0
-    assert Rapcores(shared_dda=1).min_divider == 22  # 5 entries of 4 slices, and 3 cycles
-    assert Rapcores(shared_dda=1, motors=8, encoders=8).min_divider == 38
+    assert Rapcores(shared_dda=1).min_divider == 23  # 5 entries of 4 slices, and 4 cycles
+    assert Rapcores(shared_dda=1, motors=8, encoders=8).min_divider == 39
 
 
-@pytest.mark.parametrize("divider", [0, 21, 22, 23])
+@pytest.mark.parametrize("divider", [0, 22, 23, 24])
 def test_below_the_smallest_divider_ticks_are_as_far_apart_as_there(divider):
     host = Host(shared_dda=1)
     host.write(2, divider)
@@ -87,7 +87,7 @@ def test_below_the_smallest_divider_ticks_are_as_far_apart_as_there(divider):
     host.send(MOVE, 5, -U, *[0] * 7)
     host.run(host.fell + 400)
     rises = [cycle for cycle, level in host.edges("step0") if level]
-    period = 1 + max(divider, 22)
+    period = 1 + max(divider, 23)
     assert [b - a for a, b in pairwise(rises)][1:] == [period] * 3
     assert host.write(2, 40) == divider
 

@@ -56,8 +56,6 @@ class CompactCore(DocumentCore):
         with m.If(sequencer.finish | self._halted):
             m.d.sync += first.eq(1)
         m.d.comb += [
-            dda.clear.eq(self.clear),
-            dda.clear_address.eq(self.clear_address),
             dda.write.eq(spi.byte_strobe & self._moving),
             dda.write_slot.eq(sequencer.write_slot),
             dda.number.eq(number),
@@ -237,23 +235,27 @@ class CompactCore(DocumentCore):
     def _replies(self, m: Module) -> None:
         """Add the reply: 32 bits, and what they become in a longer word."""
         spi, registers, sequencer = self._spi, self._registers, self._sequencer
-        # It comes from the memory of registers, if only a 0, a cycle late.
-        late, self._nothing = Signal(), Signal()
+        # It comes from the memory of registers, if only a 0, a cycle late, the bits to show first;
+        # and the others two cycles late.
+        late, later, self._nothing = Signal(), Signal(), Signal()
         # Of no matter while the reply is 0.
         self._extend, self._short_reply = Signal(reset_less=True), Signal(reset_less=True)
         # Cleared by a reset and without a reply in the same way: a flip-flop has one reset.
         reply = Signal(len(self._added), reset_less=True)
         inverted = Signal(reset_less=True)
-        m.d.sync += late.eq(spi.strobe)
+        m.d.sync += [late.eq(spi.strobe), later.eq(late & ~self._nothing)]
         with m.If(spi.strobe | self._nothing):
             m.d.sync += [self._extend.eq(0), self._short_reply.eq(0)]
         with m.If(self.clear | self._nothing):
             m.d.sync += [reply.eq(0), inverted.eq(0)]
         with m.Elif(late):
             m.d.sync += [
-                reply.eq(Cat(registers.value, self._added[32:])),
-                inverted.eq(registers.inverted),
+                reply[6:8].eq(registers.low[6:]),
+                reply[32:].eq(self._added[32:]),
+                inverted.eq(registers.low_inverted),
             ]
+        with m.Elif(later):
+            m.d.sync += [reply[:6].eq(registers.value), reply[8:32].eq(registers.value[8:])]
         bit, byte = spi.bit, spi.byte
         shown, upper, none = Signal(), Signal(), Signal()  # the bit to show
         m.d.comb += shown.eq(reply.bit_select(Cat(bit, byte)[: len(reply).bit_length() - 1], 1))
@@ -267,7 +269,7 @@ class CompactCore(DocumentCore):
         with m.If(late):  # it is the highest one, or with a fast SCK the next
             m.d.comb += spi.reply.eq(
                 (
-                    Mux(bit[0], registers.value[7], registers.value[6]) ^ registers.inverted
+                    Mux(bit[0], registers.low[7], registers.low[6]) ^ registers.low_inverted
                 ).replicate(8)
             )
         with m.Else():

@@ -20,9 +20,10 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
-from pulsewright.boards.rapcores.gateware_shared import BLOCK_RAM
+from pulsewright.boards.rapcores.gateware_shared import BLOCK_RAM, add
 
 WORD_BITS: Final = 32
+LOW_BITS: Final = 8
 INDEX_BITS: Final = 6
 ADDRESS_BITS: Final = 9
 OWED_BITS: Final = 9
@@ -38,26 +39,6 @@ class Block(IntEnum):
     FIXED = 4  # constants
     DURATION = 5  # ticks of the moves in slots
     COPY = 6  # position and velocity of encoders; another one in the block behind
-
-
-class Kind(IntEnum):
-    """What has its turn."""
-
-    POSITION = 0  # of an encoder
-    TIME = 1  # its velocity, and the time since its last count
-    MOTOR = 2
-    EVENT = 3
-    FIXED = 4
-
-
-class Job(IntEnum):
-    """What the adder does in a cycle."""
-
-    NONE = 0
-    POSITION = 1
-    COUNT = 2  # a position of a motor, or an event counter
-    VELOCITY = 3
-    SINCE = 4  # after it
 
 
 @dataclass(frozen=True)
@@ -107,7 +88,7 @@ class CountingRegisters(Component):
     contents : mapping of int to int
         Constants in block `Block.FIXED`, by address.
     defaults : mapping of int to int
-        What registers in other blocks are after a reset, by address, if not 0.
+        What registers in other blocks are after a reset, by address, if not 0; below 256.
 
     Members
     -------
@@ -132,11 +113,14 @@ class CountingRegisters(Component):
         A read comes within two cycles, or now.
     choose : In(1), read : In(1), read_address : In(9)
         Read a register, with ``block``; ``choose`` and the address are there a cycle before, too.
+    low : Out(8), low_inverted : Out(1)
+        In the cycle after ``read``: the lowest byte of its register. If ``low_inverted``, the
+        complement is meant.
     value : Out(32), inverted : Out(1)
-        In the cycle after ``read``: its register. If ``inverted``, the complement is meant.
+        A cycle later: all of it.
     added : In(32)
-        Bits of ``value`` besides those of the register, which are 0 there; only then, and after
-        ``write``.
+        In the cycle after ``read`` or ``write``: bits of the register besides those in memory,
+        which are 0 there. At other times 0.
     write : In(1), write_address : In(9)
         Write what ``added`` is in the next cycle to a register; with ``block``, without ``read``.
     capture : In(1), copy : In(1), copy_bank : In(1)
@@ -182,6 +166,8 @@ class CountingRegisters(Component):
                 "choose": In(1),
                 "read": In(1),
                 "read_address": In(ADDRESS_BITS),
+                "low": Out(LOW_BITS),
+                "low_inverted": Out(1),
                 "value": Out(WORD_BITS),
                 "inverted": Out(1),
                 "write": In(1),
@@ -214,61 +200,44 @@ class CountingRegisters(Component):
         step_bits = (self._cycles // self._tick_cycles + 1).bit_length() + 1
         self._step_bits = step_bits
         self._delta_bits = max(self._time_bits + 1, OWED_BITS + 1, step_bits)
-        job, more = Signal(Job), Signal()
         free, copies, turn = Signal(), Signal(), Signal()
         start, chosen = Signal(), Signal()  # chosen: a copy
         m.d.comb += [
-            free.eq(~more & ~self.block & ~self.clear),
+            free.eq(~self.block & ~self.clear),
             turn.eq(free & ~self.copying & ~chosen),
-            start.eq(self.read | turn | (free & chosen & copies)),
+            start.eq(turn | (free & chosen & copies)),
         ]
 
         # Whose turn it is: that of the read, of a copy, or the next one of the scan. Decided a
         # cycle before, as it takes long to find what has changed.
-        first = Kind.POSITION if self._encoders else Kind.MOTOR
-        kind, index = Signal(3, init=first), Signal(INDEX_BITS)
-        scan_kind, scan_index = self._scan(m, turn, first)
-        copy_time, copy_index = self._copy_scan(m, free & chosen, copies)
+        first = Block.POSITION if self._encoders else Block.COUNTS
+        block, index = Signal(3, init=first.value), Signal(INDEX_BITS)
+        second = Signal()
+        scan_block, scan_index = self._scan(m, turn, second, first)
+        copy_velocity, copy_index = self._copy_scan(m, free & chosen, copies)
         m.d.sync += chosen.eq(self.copying & ~self.choose)
         with m.If(self.choose):
-            m.d.sync += index.eq(self.read_address)
-            with m.Switch(self.read_address[INDEX_BITS:]):
-                with m.Case(Block.POSITION):
-                    m.d.sync += kind.eq(Kind.POSITION)
-                with m.Case(Block.VELOCITY):
-                    m.d.sync += kind.eq(Kind.TIME)
-                with m.Case(Block.COUNTS):
-                    m.d.sync += kind.eq(
-                        Mux(self.read_address[INDEX_BITS - 1], Kind.EVENT, Kind.MOTOR)
-                    )
-                with m.Default():
-                    m.d.sync += kind.eq(Kind.FIXED)
+            m.d.sync += Cat(index, block).eq(self.read_address)
         with m.Elif(self.copying):
             m.d.sync += [
-                kind.eq(Mux(copy_time, Kind.TIME, Kind.POSITION)),
+                block.eq(Mux(copy_velocity, Block.VELOCITY, Block.POSITION)),
                 index.eq(copy_index),
             ]
         with m.Else():
-            m.d.sync += [kind.eq(scan_kind), index.eq(scan_index)]
+            m.d.sync += [block.eq(scan_block), index.eq(scan_index)]
+        velocity, own = Signal(), Signal()
+        m.d.comb += [velocity.eq(block == Block.VELOCITY), own.eq(~chosen & ~self.read)]
 
         # What had its turn in the cycle of a capture has not changed since.
-        turned, last_kind, last_index = Signal(), Signal(), Signal(range(max(self._encoders, 1)))
-        unchanged = turned & (kind[0] == last_kind) & (index == last_index)
+        turned, last_block, last_index = Signal(), Signal(), Signal(range(max(self._encoders, 1)))
+        unchanged = turned & (block[0] == last_block) & (index == last_index)
+        changes = self._changes(m, turn, second, ~chosen, chosen & ~unchanged, block, index)
+        delta, counted, often, time, falling = changes
+        idle = second & ~chosen & velocity & ~often
         with m.If(self.capture):
             m.d.sync += [
-                turned.eq(turn & ~kind[1] & ~kind[2]),
-                *(last_kind.eq(kind[0]), last_index.eq(index)),
-            ]
-        changes = self._changes(m, turn, ~chosen, chosen & ~unchanged, kind, index)
-        counted, often = changes[1:3]
-        # Kept for the jobs of the turn.
-        kept = [Signal.like(value, name=f"kept{n}") for n, value in enumerate(changes)]
-        kept_delta, kept_counted, _, kept_gap, kept_time, kept_falling = kept
-        kept_own = Signal()
-        with m.If(start):
-            m.d.sync += [
-                *(old.eq(new) for old, new in zip(kept, changes, strict=True)),
-                kept_own.eq(~self.read),
+                turned.eq(turn & (block[0] ^ block[1]) & ~idle),
+                *(last_block.eq(block[0]), last_index.eq(index)),
             ]
 
         m.submodules.memory = memory = Memory(
@@ -282,107 +251,95 @@ class CountingRegisters(Component):
         )
         written, read = memory.write_port(), memory.read_port()
 
-        # The job of a turn, or the next one: its register, and what is read for it. The register is
-        # written in the next cycle; also in the one after a reset.
-        next_job = Signal(Job)
-        place, target = Signal(ADDRESS_BITS), Signal(ADDRESS_BITS, reset_less=True)
+        # First cycle: the word that is changed, and by how much.
+        enabled, target = Signal(2, reset_less=True), Signal(ADDRESS_BITS, reset_less=True)
         clearing = Signal(reset_less=True)
-        m.d.sync += [target.eq(place), clearing.eq(self.clear)]
-        block = Cat(kind[:2].any(), kind[1] | ~kind[0])
-        m.d.comb += [place.eq(Cat(index, block, 0)), read.addr.eq(place)]
-        with m.If(chosen):
-            m.d.sync += target.eq(copied_address(kind[0], index, self.copy_bank))
-        with m.If(self.clear):
-            m.d.comb += [place.eq(self.clear_address), read.addr.eq(ZERO)]
-            m.d.sync += target.eq(place)
-        with m.Elif(self.write):
-            m.d.comb += [place.eq(self.write_address), read.addr.eq(ZERO)]
-            m.d.sync += target.eq(place)
-        with m.Elif(more):
-            m.d.sync += [more.eq(0), target.eq(place)]
-            m.d.comb += [
-                next_job.eq(Job.SINCE),
-                place.eq(_place(Block.SINCE, target[:INDEX_BITS])),
-                read.addr.eq(Mux(kept_counted, MINUS_ONE, place)),
-            ]
-        with m.Elif(start):
-            m.d.sync += more.eq(turn & (kind == Kind.TIME))
-            with m.If(self.read):
-                m.d.comb += place.eq(self.read_address)
-            with m.Switch(kind):
-                with m.Case(Kind.POSITION):
-                    m.d.comb += next_job.eq(Job.POSITION)
-                with m.Case(Kind.TIME):
-                    m.d.comb += next_job.eq(Job.VELOCITY)
-                    with m.If(counted):
-                        since = Cat(place[:INDEX_BITS], Const(Block.SINCE, 3))
-                        m.d.comb += read.addr.eq(Mux(often, MINUS_ONE, since))
-                with m.Case(Kind.MOTOR):
-                    m.d.comb += next_job.eq(Job.COUNT)
-                with m.Case(Kind.EVENT):
-                    duration = self.run & (index == self._events[0].place - 1)
-                    m.d.comb += next_job.eq(Job.COUNT)
-                    with m.If(often):
-                        m.d.comb += read.addr.eq(
-                            Mux(duration, _place(Block.DURATION, self.slot), ZERO)
-                        )
-        m.d.sync += job.eq(next_job)
-
-        stored = Signal()
-        m.d.sync += stored.eq(self.write)
-        operand, one = Signal(self._delta_bits), Signal()
-        total = Signal(WORD_BITS)
-        m.d.comb += [
-            total.eq(
-                (Cat(1, read.data[:WORD_BITS]) + Cat(one, operand).as_signed())[1 : WORD_BITS + 1]
-                | self.added
-            ),
-            self.value.eq(total),
-            self.inverted.eq(read.data[WORD_BITS]),
-            written.addr.eq(target),
-            written.data.eq(total),
-            written.en.eq(((job != Job.NONE) & kept_own) | stored | clearing),
+        kept_delta = Signal(self._delta_bits, reset_less=True)
+        kept_time = Signal(self._time_bits, reset_less=True)
+        up, down = Signal(reset_less=True), Signal(reset_less=True)
+        m.d.comb += read.addr.eq(Cat(index, block))
+        m.d.sync += [
+            clearing.eq(self.clear),
+            enabled.eq(Cat((start & ~idle) | self.write | self.clear, enabled)),
+            target.eq(read.addr),
+            *(kept_delta.eq(delta), kept_time.eq(time)),
+            up.eq(velocity & counted & ~falling & ~self.write),
+            down.eq(velocity & counted & falling & ~self.write),
         ]
-        with m.Switch(job):
-            with m.Case(Job.COUNT, Job.POSITION):
-                m.d.comb += operand.eq(kept_delta)
-            with m.Case(Job.VELOCITY), m.If(kept_counted):
-                m.d.comb += [
-                    operand.eq(kept_gap),
-                    one.eq(~kept_falling),
-                    self.inverted.eq(kept_falling),
-                ]
-            with m.Case(Job.SINCE):
-                m.d.comb += operand.eq(kept_time)
-        m.d.comb += written.data[WORD_BITS].eq((job == Job.VELOCITY) & self.inverted)
-        with m.If(clearing):
-            with m.If(target[INDEX_BITS:] == Block.SINCE):
-                m.d.comb += operand.eq(-1)
-            with m.Switch(target):
-                for address, value in self._defaults.items():
-                    with m.Case(address):
-                        m.d.comb += operand.eq(value)
+        with m.If(self.write | ~block[1] | block[2]):
+            m.d.sync += kept_delta.eq(0)
+        with m.If(self.write | ~velocity | ~(own | counted)):
+            m.d.sync += kept_time.eq(0)
+        with m.If(velocity):
+            with m.If(own | counted):
+                m.d.comb += read.addr.eq(Mux(often, MINUS_ONE, index))
+            m.d.sync += target.eq(Cat(index, Mux(counted, Block.VELOCITY, Block.SINCE)))
+        with m.Elif((block == Block.COUNTS) & often):
+            duration = self.run & (index == self._events[0].place - 1)
+            m.d.comb += read.addr.eq(Mux(duration, _place(Block.DURATION, self.slot), ZERO))
+            m.d.sync += target.eq(Cat(index, block))
+        with m.If(chosen):
+            m.d.sync += target.eq(copied_address(block[0], index, self.copy_bank))
+        with m.If(self.clear):
+            m.d.comb += read.addr.eq(ZERO)
+            m.d.sync += target.eq(self.clear_address)
+        with m.Elif(self.write):
+            m.d.comb += read.addr.eq(ZERO)
+            m.d.sync += target.eq(self.write_address)
+
+        # Second cycle: block RAM takes most of it to give the word, so only a byte is added.
+        operand, default = Signal(self._delta_bits), Signal(LOW_BITS)
+        change, low = Signal(LOW_BITS), Signal(LOW_BITS + 1)
+        m.d.comb += [
+            operand.eq(kept_delta | kept_time),
+            change.eq(operand | self.added | default),
+            low.eq(add(read.data[:LOW_BITS], change, up)),
+            self.low.eq(low),
+            self.low_inverted.eq(read.data[WORD_BITS] | down),
+        ]
+        with m.If(clearing), m.Switch(target):
+            for address, value in self._defaults.items():
+                with m.Case(address):
+                    m.d.comb += default.eq(value)
+
+        # Third cycle: the rest, and the register is written.
+        lowest, carry = Signal(LOW_BITS, reset_less=True), Signal(reset_less=True)
+        upper = Signal(WORD_BITS - LOW_BITS, reset_less=True)
+        rest = Signal(self._delta_bits - LOW_BITS, reset_less=True)
+        inverted, place = Signal(reset_less=True), Signal(ADDRESS_BITS, reset_less=True)
+        m.d.sync += [
+            *(lowest.eq(low), carry.eq(low[-1]), rest.eq(operand[LOW_BITS:])),
+            upper.eq(read.data[LOW_BITS:WORD_BITS] | self.added[LOW_BITS:]),
+            *(inverted.eq(self.low_inverted), place.eq(target)),
+        ]
+        m.d.comb += [
+            self.value.eq(Cat(lowest, add(upper, _extended(rest.as_signed(), len(upper)), carry))),
+            self.inverted.eq(inverted),
+            *(written.addr.eq(place), written.en.eq(enabled[1])),
+            written.data.eq(Cat(self.value, self.inverted)),
+        ]
         return m
 
-    def _scan(self, m: Module, turn: Value, first: Kind) -> tuple[Signal, Signal]:
+    def _scan(self, m: Module, turn: Value, second: Signal, first: Block) -> tuple[Signal, Signal]:
         """Add the scan; return whose turn is next, in the next cycle."""
-        kind, index = Signal(3, init=first), Signal(INDEX_BITS)
-        next_kind, next_index = Signal.like(kind), Signal.like(index)
-        m.d.comb += [next_kind.eq(kind), next_index.eq(index)]
-        m.d.sync += [kind.eq(next_kind), index.eq(next_index)]
-        ends = {
-            Kind.POSITION: (self._encoders - 1, Kind.TIME, 0),
-            Kind.TIME: (self._encoders - 1, Kind.MOTOR, 0),
-            Kind.MOTOR: (self._motors - 1, Kind.EVENT, self._events[0].place - 1),
-            Kind.EVENT: (self._events[-1].place, first, 0),
-        }
+        block, index = Signal(2, init=first.value), Signal(INDEX_BITS)
+        next_block, next_index = Signal.like(block), Signal.like(index)
+        m.d.comb += [next_block.eq(block), next_index.eq(index)]
+        m.d.sync += [block.eq(next_block), index.eq(next_index)]
+        ends = (
+            (Block.POSITION, self._encoders - 1, Block.VELOCITY, 0),
+            (Block.VELOCITY, self._encoders - 1, Block.COUNTS, 0),
+            (Block.COUNTS, self._motors - 1, Block.COUNTS, self._events[0].place - 1),
+            (Block.COUNTS, self._events[-1].place, first, 0),
+        )
         with m.If(turn):
-            m.d.comb += next_index.eq(index + 1)
-            with m.Switch(kind):
-                for now, (last, then, at) in ends.items():
-                    with m.Case(now), m.If(index == last):
-                        m.d.comb += [next_kind.eq(then), next_index.eq(at)]
-        return next_kind, next_index
+            m.d.sync += second.eq((block == Block.VELOCITY) & ~second)
+            with m.If((block != Block.VELOCITY) | second):
+                m.d.comb += next_index.eq(index + 1)
+                for now, last, then, at in ends:
+                    with m.If((block == now) & (index == last)):
+                        m.d.comb += [next_block.eq(then), next_index.eq(at)]
+        return next_block, next_index
 
     def _copy_scan(self, m: Module, free: Value, copies: Signal) -> tuple[Signal, Signal]:
         """Add the scan of a copy; return what is next. ``copies``: the turn of a copy may be."""
@@ -390,10 +347,14 @@ class CountingRegisters(Component):
         next_time, next_index = Signal.like(time), Signal.like(index)
         if not self._copied:
             return time, index
-        # In the first cycle the result of a turn before may not be in memory.
-        wait = Signal()
-        m.d.sync += wait.eq(self.copy)
-        m.d.comb += [copies.eq(self.copying & ~wait), next_time.eq(time), next_index.eq(index)]
+        # In the first two cycles the result of a turn before may not be in memory.
+        wait = Signal(2)
+        m.d.sync += wait.eq(Cat(self.copy, wait))
+        m.d.comb += [
+            copies.eq(self.copying & (wait == 0)),
+            next_time.eq(time),
+            next_index.eq(index),
+        ]
         m.d.sync += [time.eq(next_time), index.eq(next_index)]
         with m.If(free & copies):
             m.d.comb += next_index.eq(index + 1)
@@ -406,42 +367,48 @@ class CountingRegisters(Component):
         return next_time, next_index
 
     def _changes(
-        self, m: Module, turn: Value, live: Value, captured: Value, kind: Value, index: Value
+        self,
+        m: Module,
+        turn: Value,
+        second: Value,
+        live: Value,
+        captured: Value,
+        block: Value,
+        index: Value,
     ) -> tuple[Signal, ...]:
         """Add what has changed since the last turns.
 
         Returns
         -------
-        delta, counted, often, gap, time, falling
+        delta, counted, often, time, falling
             Of the one with an index: now if ``live``, or, if ``captured``, of an encoder at the
             last capture.
         """
         bits = self._time_bits
-        found = [Signal(n) for n in (bits + 1, 1, 1, bits, bits, 1)]  # of encoders
-        parts: list[tuple[Value, Sequence[Value]]] = []
+        found = [Signal(n) for n in (bits + 1, 1, 1, 1, bits)]
+        parts: list[list[tuple[Value, Value]]] = [[] for _ in found]
         for n in range(self._encoders):
-            here = ~kind[1] & (index == n)
-            turns = [turn & here & (kind[0] == time) for time in range(2)]
-            now = self._encoder_changes(m, n, *turns)
+            here = (block[0] ^ block[1]) & (index == n)
+            *now, time = self._encoder_changes(m, n, turn & here, block[1], second)
+            counted, gap = now[1], now[4]
+            for mine, value in zip(parts, now, strict=True):
+                mine.append((here & live, value))
+            parts[4][-1:] = [(here & live & counted, gap), (here & live & ~counted, time)]
             if n >= self._copied:
-                parts.append((here, now))
                 continue
             then = [Signal.like(value, name=f"then{k}") for k, value in enumerate(now)]
-            with m.If(self.capture):  # but for the time, which is not copied
-                m.d.sync += [
-                    old.eq(new)
-                    for k, (old, new) in enumerate(zip(then, now, strict=True))
-                    if k != 4
-                ]
-            parts += [(here & live, now), (here & captured, then)]
-        for k, value in enumerate(found):
-            m.d.comb += value.eq(_either((here, mine[k]) for here, mine in parts))
+            with m.If(self.capture):
+                m.d.sync += [old.eq(new) for old, new in zip(then, now, strict=True)]
+            for mine, value in zip(parts, then, strict=True):
+                mine.append((here & captured, value))
+        for value, choices in zip(found, parts, strict=True):
+            m.d.comb += value.eq(_either(choices))
         delta, often = Signal(self._delta_bits), Signal()
 
         steps, owed = Signal(self._step_bits), Signal(OWED_BITS)
         stepped, take = [], []
         for n in range(self._motors):
-            here = (kind[:2] == Kind.MOTOR) & (index == n)
+            here = block[0] & block[1] & (index == n)
             my_steps = Signal(self._step_bits, name=f"steps{n}")
             change = Cat(self.moved[n], (self.moved[n] & self.down[n]).replicate(len(steps) - 1))
             m.d.sync += my_steps.eq(Mux(turn & here, change, my_steps + change))
@@ -452,7 +419,7 @@ class CountingRegisters(Component):
 
         counts, zeroed = [], []
         for n, event in enumerate(self._events):
-            here = (kind[:2] == Kind.EVENT) & (index == event.place)
+            here = block[0] & block[1] & (index == event.place)
             most = event.burst + self._cycles // event.spacing + 1
             events, zero = Signal(range(most + 1), name=f"events{n}"), Signal(name=f"zeroed{n}")
             m.d.sync += [
@@ -461,7 +428,7 @@ class CountingRegisters(Component):
             ]
             counts.append((here, events))
             zeroed.append((here, zero))
-        here = (kind[:2] == Kind.EVENT) & (index == self._events[0].place - 1)
+        here = block[0] & block[1] & (index == self._events[0].place - 1)
         ticks, again = Signal(self._step_bits), Signal()  # down from 0
         m.d.sync += [
             ticks.eq(Mux(turn & here, 0, ticks) - self.tick),
@@ -480,30 +447,42 @@ class CountingRegisters(Component):
             ),
             often.eq(found[2] | _either(zeroed)),
         ]
-        return delta, found[1], often, *found[3:]
+        return delta, found[1], often, found[4], found[3]
 
     def _encoder_changes(
-        self, m: Module, n: int, turn_position: Value, turn_time: Value
+        self, m: Module, n: int, turn: Value, position: Value, second: Value
     ) -> tuple[Signal, ...]:
-        """Add what has changed of an encoder."""
+        """Add what has changed of an encoder.
+
+        Returns
+        -------
+        delta, counted, often, falling, gap, time
+            ``counted``: the velocity is not that of the last count, which came ``gap`` cycles after
+            the one before, if ``often``, or the time that is in memory. ``time``: cycles since the
+            last count; added to the time in memory unless ``counted`` or ``often``.
+        """
         bits = self._time_bits
         delta, time = Signal(bits + 1), Signal(bits)
-        counted, often = Signal(), Signal()
         # used after a count only
         gap, falling = Signal(bits, reset_less=True), Signal(reset_less=True)
+        # Set by the reset, so that the time is that from there; the flip-flop as in configuration.
+        counted, often = Signal(), Signal(reset_less=True)
         count, up = self.count[n], self.up[n]
-        before = counted & ~turn_time
+        turn_time, turn_since = Signal(), Signal()
+        m.d.comb += [
+            turn_time.eq(turn & ~position & (~second | often)),
+            turn_since.eq(turn_time & ~counted),
+        ]
         change = Cat(count, (count & ~up).replicate(bits))
         m.d.sync += [
-            delta.eq(Mux(turn_position, change.as_signed(), delta + change.as_signed())),
-            counted.eq(count | before),
-            often.eq(Mux(count, before, often & ~turn_time)),
-            # cycles from the last count or turn
-            time.eq(Mux(count, 0, Mux(turn_time, 1, time + 1))),
+            delta.eq(Mux(turn & position, change.as_signed(), delta + change.as_signed())),
+            counted.eq(count | (counted & ~turn_time)),
+            often.eq(Mux(turn_time, counted, often | (count & counted)) | self.clear),
+            time.eq(Mux(count, 0, Mux(turn_since, 1, time + 1))),
         ]
         with m.If(count):
-            m.d.sync += [gap.eq(Mux(turn_time, 0, time)), falling.eq(~up)]
-        return delta, counted, often, gap, time, falling
+            m.d.sync += [gap.eq(Mux(turn_since, 0, time)), falling.eq(~up)]
+        return delta, counted, often, falling, gap, time
 
 
 def copied_address(velocity: Value, index: Value, bank: Value) -> Value:

@@ -10,10 +10,11 @@ The ticks of a move are counted down as one more increment, the first one, which
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Final
 
-from amaranth import Cat, Module, Mux, Signal
-from amaranth.lib.memory import Memory
+from amaranth import Cat, Module, Mux, Signal, Value
+from amaranth.lib.memory import Memory, ReadPort, WritePort
 from amaranth.lib.wiring import Component, In, Out
 
 SLICE_BITS: Final = 16
@@ -21,7 +22,7 @@ DURATION: Final = 0  # entry; that of motor n is n + 1
 DURATION_SLICES: Final = 2
 # Of memories; no word is used that is read in the cycle in which it is written.
 BLOCK_RAM: Final = {"ram_style": "block", "no_rw_check": 1}
-LATENCY: Final = 3  # cycles from a slice's addresses until its result is in memory
+LATENCY: Final = 4  # cycles from a slice's addresses until its result is in memory
 
 
 def cycles(motors: int, word_bits: int) -> int:
@@ -46,9 +47,6 @@ class SharedDda(Component):
         Write a byte of a word of the move message into a slot.
     slot : In(range(depth))
         Of the move that executes, or is next.
-    clear : In(1), clear_address : In(8)
-        Clear a part of the accumulators; to be there while the rest is in reset, with every address
-        in turn.
     first : In(1)
         Its first tick is the next one.
     restart : In(1)
@@ -73,8 +71,6 @@ class SharedDda(Component):
                 "number": In(range(2 * motors + 2)),
                 "index": In(range(word_bits // 8)),
                 "byte": In(8),
-                "clear": In(1),
-                "clear_address": In(8),
                 "slot": In(range(depth)),
                 "first": In(1),
                 "restart": In(1),
@@ -93,12 +89,14 @@ class SharedDda(Component):
         with m.If(self.integrate):
             m.d.sync += bank.eq(~bank)
 
-        # Slices of all entries, from the lowest one on: their addresses, and one and two cycles
-        # later their increments and their accumulators.
+        # Slices of all entries, from the lowest one on: their addresses, a cycle later slices of
+        # increments, then the sums of these, and at last those of the accumulators.
         piece, entry = Signal(range(slices)), Signal(range(entries))
         busy = Signal()
-        working = Signal(3)  # stages
-        places = [Signal(len(piece) + len(entry), name=f"place{n}") for n in range(3)]
+        working = Signal(4)  # stages
+        places = [
+            Signal(len(piece) + len(entry), name=f"place{n}", reset_less=n > 0) for n in range(4)
+        ]
         m.d.comb += [places[0].eq(Cat(piece, entry)), working[0].eq(busy)]
         end = (piece == slices - 1) & (entry == entries - 1)
         with m.If(busy):
@@ -107,66 +105,68 @@ class SharedDda(Component):
                 m.d.sync += entry.eq(entry + 1)
             with m.If(end):
                 m.d.sync += busy.eq(0)
-        m.d.sync += [places[1].eq(places[0]), places[2].eq(places[1])]
+        m.d.sync += [later.eq(place) for place, later in pairwise(places)]
         restart = self.integrate | self.restart
         m.d.sync += Cat(working[1:]).eq(Mux(restart, 0, working))
-        m.d.sync += self.ready.eq(~restart & ~working[:2].any())
+        m.d.sync += self.ready.eq(~restart & ~working[:3].any())
         with m.If(restart):
             m.d.sync += [busy.eq(1), piece.eq(0), entry.eq(DURATION)]
-        first, second = self._slots(m, places[0])
-        increment, total = Signal(SLICE_BITS), Signal(SLICE_BITS + 1)
-        m.submodules.increments = memory = self._memory(len(places[0]))
-        written, read = memory.write_port(), memory.read_port()
-        m.d.comb += [
-            read.addr.eq(Cat(places[0], bank)),
-            written.addr.eq(Cat(places[1], ~bank)),
-            written.data.eq(increment),
-            written.en.eq(working[1]),
-        ]
-        carry = Signal()
         bottom = [place[: len(piece)] == 0 for place in places]
         top = [place[: len(piece)] == slices - 1 for place in places]
+
+        # Block RAM takes most of a cycle to give a word, so that sums begin with registers.
+        first, second = self._slots(m, places[0])
+        increment, growth, added, fraction = (
+            Signal(SLICE_BITS, name=name, reset_less=True)
+            for name in ("increment", "growth", "added", "fraction")
+        )
+        total, carry = Signal(SLICE_BITS + 1), Signal()
+        written, read = self._memory(m, "increments", len(places[0]))
         m.d.comb += [
-            total.eq(_add(read.data, second, carry & ~bottom[1])),
-            increment.eq(Mux(self.first, first, total)),
+            read.addr.eq(Cat(places[0], bank)),
+            total.eq(add(increment, growth, carry & ~bottom[2])),
+            written.addr.eq(Cat(places[3], ~bank)),
+            written.data.eq(added),
+            written.en.eq(working[3]),
         ]
-        added = Signal(SLICE_BITS)
-        m.d.sync += [carry.eq(total[-1]), added.eq(increment)]
+        m.d.sync += [
+            increment.eq(Mux(self.first, first, read.data)),
+            growth.eq(second),
+            carry.eq(total[-1]),
+            added.eq(total),
+        ]
+        with m.If(self.first):
+            m.d.sync += growth.eq(0)
 
         result, overflow = Signal(SLICE_BITS + 1), Signal()
-        fraction = Signal(SLICE_BITS)  # the highest one has a bit less
-        m.d.comb += fraction.eq(Cat(result[:-2], result[-2] & ~top[2]))
-        m.submodules.accumulators = memory = self._memory(len(places[0]))
-        written, read = memory.write_port(), memory.read_port()
+        unused = Signal(init=1)  # since the reset: accumulators are 0, whatever is in memory
+        with m.If(self.integrate):
+            m.d.sync += unused.eq(0)
+        written, read = self._memory(m, "accumulators", len(places[0]))
         m.d.comb += [
             read.addr.eq(Cat(places[1], bank)),
-            written.addr.eq(
-                Mux(self.clear, self.clear_address[: len(places[0])], Cat(places[2], ~bank))
-            ),
-            written.data.eq(Mux(self.clear, 0, fraction)),
-            written.en.eq(working[2] | self.clear),
+            # the highest one has a bit less
+            result.eq(add(fraction, Cat(added[:-1], added[-1] & ~top[3]), overflow & ~bottom[3])),
+            written.addr.eq(Cat(places[3], ~bank)),
+            written.data.eq(Cat(result[:-2], result[-2] & ~top[3])),
+            written.en.eq(working[3]),
         ]
-        m.d.comb += result.eq(
-            _add(
-                read.data,
-                Cat(added[:-1], added[-1] & ~top[2]),
-                overflow & ~bottom[2],
-            )
-        )
-        m.d.sync += overflow.eq(result[-1])
+        m.d.sync += [fraction.eq(read.data), overflow.eq(result[-1])]
+        with m.If(unused):
+            m.d.sync += fraction.eq(0)
 
-        here = places[2][len(piece) :]
-        with m.If(working[2] & top[2]), m.Switch(here):
+        here = places[3][len(piece) :]
+        with m.If(working[3] & top[3]), m.Switch(here):
             for n in range(self._motors):
                 with m.Case(n + 1):
                     m.d.sync += [
                         self.moved[n].eq(result[-2] ^ added[-1]),
                         self.down[n].eq(added[-1]),
                     ]
-        with m.If(working[2] & (here == DURATION)):
-            with m.If(bottom[2]):
+        with m.If(working[3] & (here == DURATION)):
+            with m.If(bottom[3]):
                 m.d.sync += self.last.eq(added == 1)
-            with m.Elif(places[2][: len(piece)] < DURATION_SLICES):
+            with m.Elif(places[3][: len(piece)] < DURATION_SLICES):
                 m.d.sync += self.last.eq(self.last & (added == 0))
         return m
 
@@ -192,11 +192,14 @@ class SharedDda(Component):
             found.append(read.data)
         return found[0], found[1]
 
-    def _memory(self, place_bits: int) -> Memory:
-        """Return two sets of slices of all entries."""
-        return Memory(shape=SLICE_BITS, depth=2 << place_bits, init=[], attrs=BLOCK_RAM)
+    def _memory(self, m: Module, name: str, place_bits: int) -> tuple[WritePort, ReadPort]:
+        """Add two sets of slices of all entries; return the ports."""
+        m.submodules[name] = memory = Memory(
+            shape=SLICE_BITS, depth=2 << place_bits, init=[], attrs=BLOCK_RAM
+        )
+        return memory.write_port(), memory.read_port()
 
 
-def _add(a: Signal, b: Signal, carry: Signal) -> Signal:
+def add(a: Value, b: Value, carry: Value) -> Signal:
     """Return the sum of two numbers and a bit, one bit longer."""
     return (Cat(1, a) + Cat(carry, b))[1:]

@@ -261,7 +261,7 @@ class CountingRegisters(Component):
         m.d.sync += [
             clearing.eq(self.clear),
             enabled.eq(Cat((start & ~idle) | self.write | self.clear, enabled)),
-            target.eq(read.addr),
+            target.eq(Cat(index, block)),
             *(kept_delta.eq(delta), kept_time.eq(time)),
             up.eq(velocity & counted & ~falling & ~self.write),
             down.eq(velocity & counted & falling & ~self.write),
@@ -277,7 +277,6 @@ class CountingRegisters(Component):
         with m.Elif((block == Block.COUNTS) & often):
             duration = self.run & (index == self._events[0].place - 1)
             m.d.comb += read.addr.eq(Mux(duration, _place(Block.DURATION, self.slot), ZERO))
-            m.d.sync += target.eq(Cat(index, block))
         with m.If(chosen):
             m.d.sync += target.eq(copied_address(block[0], index, self.copy_bank))
         with m.If(self.clear):
@@ -362,8 +361,9 @@ class CountingRegisters(Component):
                 m.d.comb += [next_index.eq(0), next_time.eq(1)]
                 m.d.sync += self.copying.eq(~time)
         with m.If(self.copy):
-            m.d.comb += [next_index.eq(0), next_time.eq(0)]
             m.d.sync += self.copying.eq(1)
+        with m.If(wait[0]):
+            m.d.comb += [next_index.eq(0), next_time.eq(0)]
         return next_time, next_index
 
     def _changes(

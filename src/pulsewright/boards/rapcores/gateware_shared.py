@@ -115,7 +115,7 @@ class SharedDda(Component):
         top = [place[: len(piece)] == slices - 1 for place in places]
 
         # Block RAM takes most of a cycle to give a word, so that sums begin with registers.
-        first, second = self._slots(m, places[0])
+        given = self._slots(m, Cat(places[0], self.slot, ~self.first))
         increment, growth, added, fraction = (
             Signal(SLICE_BITS, name=name, reset_less=True)
             for name in ("increment", "growth", "added", "fraction")
@@ -130,13 +130,12 @@ class SharedDda(Component):
             written.en.eq(working[3]),
         ]
         m.d.sync += [
-            increment.eq(Mux(self.first, first, read.data)),
-            growth.eq(second),
+            *(increment.eq(read.data), growth.eq(given)),
             carry.eq(total[-1]),
             added.eq(total),
         ]
         with m.If(self.first):
-            m.d.sync += growth.eq(0)
+            m.d.sync += increment.eq(0)
 
         result, overflow = Signal(SLICE_BITS + 1), Signal()
         unused = Signal(init=1)  # since the reset: accumulators are 0, whatever is in memory
@@ -170,27 +169,23 @@ class SharedDda(Component):
                 m.d.sync += self.last.eq(self.last & (added == 0))
         return m
 
-    def _slots(self, m: Module, place: Signal) -> tuple[Signal, Signal]:
-        """Add move slots; return a slice of what an entry has first, and of what is added to it."""
-        size = 1 << len(place)
-        grows = [0xFFFF if n < self._slices else 0 for n in range(size)] * self._depth
+    def _slots(self, m: Module, place: Value) -> Value:
+        """Add move slots: what an entry has first, and then what is added to it; return a slice."""
+        half = 1 << len(place) - 1
+        entry = half // self._depth
+        grows = [0xFFFF if n < self._slices else 0 for n in range(entry)] * self._depth
+        m.submodules.slots = memory = Memory(
+            shape=SLICE_BITS, depth=2 * half, init=[0] * half + grows, attrs=BLOCK_RAM
+        )
+        written, read = memory.write_port(granularity=8), memory.read_port()
         second = self.number[0] & (self.number != 1)
-        found = []
-        for name, init, enable in (("first", [], ~second), ("second", grows, second)):
-            m.submodules[f"slots_{name}"] = memory = Memory(
-                shape=SLICE_BITS, depth=size * self._depth, init=init, attrs=BLOCK_RAM
-            )
-            written, read = memory.write_port(granularity=8), memory.read_port()
-            m.d.comb += [
-                written.addr.eq(Cat(self.index[1:], self.number[1:], self.write_slot)),
-                written.data.eq(self.byte.replicate(2)),
-                written.en.eq(
-                    (self.write & enable).replicate(2) & Cat(~self.index[0], self.index[0])
-                ),
-                read.addr.eq(Cat(place, self.slot)),
-            ]
-            found.append(read.data)
-        return found[0], found[1]
+        m.d.comb += [
+            written.addr.eq(Cat(self.index[1:], self.number[1:], self.write_slot, second)),
+            written.data.eq(self.byte.replicate(2)),
+            written.en.eq(self.write.replicate(2) & Cat(~self.index[0], self.index[0])),
+            read.addr.eq(place),
+        ]
+        return read.data
 
     def _memory(self, m: Module, name: str, place_bits: int) -> tuple[WritePort, ReadPort]:
         """Add two sets of slices of all entries; return the ports."""

@@ -98,11 +98,22 @@ COMPARED_FAULTS = {
     "levels at the end of a reset count": (ENCODER, "reset_less=self._primed", "reset_less=False"),
 }  # fmt: skip
 SHARED_FAULTS = {
-    "the sum of the slice below": (SHARED, "carry & ~bottom[1]", "carry"),
-    "the first tick of a move as any other": (SHARED, "Mux(self.first, first, total)", "total"),
+    "the sum of the slice below": (SHARED, "carry & ~bottom[2]", "carry"),
+    "the first tick of a move as any other": (SHARED, "with m.If(self.first):", "with m.If(0):"),
+    "growth in the first tick": (SHARED, "self.slot, ~self.first", "self.slot, 1"),
     "words that arrive late are not seen": (COMPACT, "| (~sequencer.run & arrived)", ""),
     "a copy of what encoders are later": (
-        REGISTERS, "(here & captured, then)", "(here & captured, now)",
+        REGISTERS, "zip(parts, then, strict=True)", "zip(parts, now, strict=True)",
+    ),
+    "the second turn of a time adds it again": (
+        REGISTERS, "idle = second & ~chosen & velocity & ~often", "idle = Const(0)",
+    ),
+    "a second turn without a result ends the time": (
+        REGISTERS, "turn & ~position & (~second | often)", "turn & ~position",
+    ),
+    "the time from the count before last": (REGISTERS, "often | (count & counted)", "often"),
+    "the rest of a reply is that of the word before": (
+        COMPACT, "later.eq(late & ~self._nothing)", "later.eq(0)",
     ),
     "ticks left are those of the move before": (
         COMPACT, "restart.eq(sequencer.load | sequencer.finish", "restart.eq(sequencer.finish",
@@ -153,8 +164,21 @@ DIRECTED_FAULTS = {
         shared.test_telemetry_is_that_of_the_cycle_in_which_a_move_starts,
     ),
     "registers stay in a reset": (
-        *(REGISTERS, "eq(self.clear_address), read.addr.eq(ZERO)", "eq(self.clear_address)"),
+        *(REGISTERS, "m.If(self.clear):\n            m.d.comb += read.addr.eq(ZERO)",
+        "m.If(self.clear):"),
+        shared.test_a_reset_clears_what_is_in_memory,
+    ),
+    "the time since before a reset": (
+        *(REGISTERS, "(count & counted)) | self.clear", "(count & counted))"),
         shared.test_the_shortest_reset_clears_the_time_since_the_last_count,
+    ),
+    "fractions of steps stay in a reset": (
+        *(SHARED, "with m.If(unused):", "with m.If(0):"),
+        shared.test_a_reset_clears_fractions_of_steps,
+    ),
+    "a copy of what is not in memory yet": (
+        *(REGISTERS, "(wait == 0)", "~wait[0]"),
+        shared.test_telemetry_is_that_of_the_cycle_in_which_a_move_starts,
     ),
     "a reply stays in a reset": (
         *(COMPACT, "with m.If(self.clear | self._nothing)", "with m.If(self._nothing)"),

@@ -132,6 +132,18 @@ def test_a_reset_clears_what_is_in_memory():
 
 
 @pytest.mark.parametrize("shared", [0, 1])
+def test_a_reset_clears_fractions_of_steps(shared):
+    host = Host(shared_dda=shared, motors=1, encoders=0)
+    for half_steps in (1, 3):  # the last ones make one and a half
+        host.send(MOVE, half_steps, U >> 1, 0)
+        host.run(host.free + 1000)
+        host.pin(host.free, "rst_n", int(half_steps == 3))
+        host.pin(host.free + 3, "rst_n", 1)
+        host.run(host.free + 300)
+    assert host.status(0xC0) == 1
+
+
+@pytest.mark.parametrize("shared", [0, 1])
 @pytest.mark.parametrize("address", [0x01, 0x04])
 def test_nothing_of_a_reply_is_shown_after_a_reset_within_its_frame(shared, address):
     host = Host(shared_dda=shared, motors=1, encoders=1)

@@ -215,6 +215,15 @@ def test_a_family_that_is_only_counted_has_no_clock(tools):
     assert f"| {design.name} | xc6s | 7 | 6 | 3 | 2 | - | - |" in build.area_page([row])
 
 
+def test_options_of_synthesis_are_named(tools):
+    calls = tools(130.0)
+    design = next(design for design in build.DESIGNS if design.options)
+    (row,) = build.area([design], seeds=(1,))
+    assert "synth_ecp5 -nowidelut -top top" in " ".join(calls()[0])
+    assert f"| {design.name} | ecp5 |" in build.area_page([row])
+    assert design.name.endswith("4 axes, -nowidelut")
+
+
 ICE40, ECP5 = b"\x7e\xaa\x99\x7e", b"\xff\xff\xbd\xb3"  # how bitstreams begin
 
 

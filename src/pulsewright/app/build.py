@@ -49,17 +49,21 @@ class Design:
     axes : int
     families : mapping of str to (Figures, Figures)
         Of the original controller, measured in the same way, and those to reach.
+    options : str
+        Of Yosys, besides those it has by default.
     """
 
     board: str
     profile: str
     axes: int
     families: Mapping[str, tuple[Figures, Figures]]
+    options: str = ""
 
     @property
     def name(self) -> str:
         """For people: ``pluto_step exact, 4 axes``."""
-        return f"{self.board} {self.profile}, {self.axes} ax{'i' if self.axes == 1 else 'e'}s"
+        what = f"{self.board} {self.profile}, {self.axes} ax{'i' if self.axes == 1 else 'e'}s"
+        return f"{what}, {self.options}" if self.options else what
 
 
 _OPEN: Final = (Figures(), Figures())
@@ -99,6 +103,8 @@ DESIGNS: Final = (
             "ecp5": (Figures(1869, 108.0), Figures(900, 110.0)),
         },
     ),
+    # the original was not measured so
+    Design("rapcores", "document", 4, {"ecp5": _OPEN}, "-nowidelut"),
     Design("rapcores", "document", 8, {"ice40": (Figures(7151), Figures(2200))}),
     Design("rapcores", "document", 16, {"ice40": _OPEN}),
     Design("s3g", "robust", 1, {"xc6s": (Figures(), Figures(1200))}),
@@ -401,7 +407,7 @@ def area(
         room.switches(design.profile)
         component = _gateware(room, design.profile, design.axes, family)
         with tempfile.TemporaryDirectory(prefix="pulsewright-") as folder:
-            resources = synth.synthesise(component, family, folder)
+            resources = synth.synthesise(component, family, folder, design.options)
             device, reached = family, []
             if family in synth.DEVICES:
                 device = synth.DEVICES[family][0]
@@ -423,7 +429,8 @@ def area_page(rows: Sequence[Area]) -> str:
         "Written by `pulsewright bench area --page docs/resources.md`; do not edit.",
         "",
         "Each design by itself, without pads and PLL and with the reset it has in bitstreams.",
-        "Yosys' `synth_ice40`, `synth_ecp5` and `synth_xilinx -family xc6s` with default options;",
+        "Yosys' `synth_ice40`, `synth_ecp5` and `synth_xilinx -family xc6s`, with default options",
+        "unless a row names one;",
         f"the clock is the median of {len(SEEDS)} placements by nextpnr, with the slowest and the",
         f"fastest of them. Devices: {' and '.join(device for device, _ in DEVICES.values())}. "
         "The xc6s, which the original",
@@ -450,7 +457,8 @@ def area_page(rows: Sequence[Area]) -> str:
         "(CCU2C; these LUTs are not in the column), four bits on the xc6s (CARRY4). The s3g has",
         "8192 words of program memory, on the iCE40 2048; the rapcores as many encoders as axes,",
         "and memories with the attribute `no_rw_check` of Yosys: a test shows that no word is used",
-        "that is read in the cycle in which it is written.",
+        "that is read in the cycle in which it is written. On the ECP5 Yosys by default also makes",
+        "LUTs of 5 and 6 inputs, of two and four LUTs each; with `-nowidelut` it does not.",
     ]
     return "\n".join(lines) + "\n"
 

@@ -171,14 +171,17 @@ def verilog(component: Component, name: str) -> str:
         return (folder / "design.v").read_text()
 
 
-def synthesise(component: Component, family: str, folder: Path | str) -> Resources:
+def synthesise(
+    component: Component, family: str, folder: Path | str, options: str = ""
+) -> Resources:
     """Write ``design.json``, the netlist of a component by itself, to ``folder``.
 
-    It is made with the options that Yosys has by default, and reset as in bitstreams. ``family`` is
-    one of `DEVICES` or `SIZED`.
+    It is made with the options that Yosys has by default and ``options``, and reset as in
+    bitstreams. ``family`` is one of `DEVICES` or `SIZED`.
     """
     Path(folder, "design.il").write_text(_alone(component, family))
     command = f"synth_xilinx -family {family}" if family in SIZED else f"synth_{family}"
+    command = f"{command} {options}".rstrip()
     script = f"read_rtlil design.il; {command} -top top; write_json design.json; {_STAT}"
     run_tool("yosys", ["-q", "-p", script], folder)
     return _resources(Path(folder, "stat.json"))

@@ -6,7 +6,8 @@ cycle of the read.
 
 An encoder has three numbers: its position, its velocity, and the time since its last count, as it
 was at its last turn, less 1. In memory a velocity of a falling position is the complement of what
-it is.
+it is. Its turn writes the velocity if there was a count, and otherwise the time. It comes twice, so
+that the time follows a velocity.
 """
 
 from __future__ import annotations
@@ -181,8 +182,11 @@ class CountingRegisters(Component):
         )
 
     def _round(self) -> int:
-        """Return the cycles from one turn of a register to the next, at most."""
-        turns = 3 * self._encoders + self._motors + 1 + len(self._events)
+        """Return the cycles from one turn of a register to the next, at most.
+
+        Those of a time are from the first one to the second one of the next round.
+        """
+        turns = 3 * self._encoders + self._motors + 2 + len(self._events)
         copy = 2 * self._copied + 3
         cycles, before = turns, 0
         while cycles != before:

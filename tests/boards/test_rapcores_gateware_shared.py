@@ -117,15 +117,15 @@ def test_moves_that_end_one_after_the_other_are_all_counted():
 def test_a_reset_clears_what_is_in_memory():
     host = Host(shared_dda=1)
     host.write(0xC0, 7)
-    host.pin(host.free, "enc2_a", 1)
+    host.pin(host.free, "enc0_a", 1)
     host.send(MOVE, 10, -U, *[0] * 7)
     host.send(MOVE, 0, *[0] * 8)
     host.run(host.free + 1000)
-    assert [host.status(place) for place in (6, 0xC0, 0xE2)] == [1, (1 << 64) - 10, 2]
+    assert [host.status(place) for place in (4, 0xC0, 0xE2)] == [1, (1 << 64) - 10, 2]
     host.pin(host.free, "rst_n", 0)
     host.pin(host.free + 3, "rst_n", 1)
     host.run(host.free + 300)
-    places = (6, 0x46, 0xC0, 0xE2, 1)
+    places = (4, 0x44, 0xC0, 0xE2, 1)
     assert [host.status(place) for place in places] == [0, 0, 0, 0, 0x20200404]
     assert host.send(0xF3 << 56 | 0xC0, 0) == [0, 20]
     assert host.send(STATUS | 0xFE, 0) == [0, 0x2040]

@@ -174,7 +174,7 @@ DIRECTED_FAULTS = {
     ),
     "fractions of steps stay in a reset": (
         *(SHARED, "with m.If(unused):", "with m.If(0):"),
-        shared.test_a_reset_clears_fractions_of_steps,
+        partial(shared.test_a_reset_clears_fractions_of_steps, 1),
     ),
     "a copy of what is not in memory yet": (
         *(REGISTERS, "(wait == 0)", "~wait[0]"),

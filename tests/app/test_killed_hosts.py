@@ -28,7 +28,7 @@ from pulsewright.errors import (
 pytestmark = pytest.mark.campaign  # many processes, in real time
 
 HOST = Path(__file__).with_name("moving_host.py")
-PATIENCE = 120  # until a host moves, or a board rests: compiling takes its time [s]
+PATIENCE = 120  # until a host moves, or a board rests [s]
 TRIES = 5
 BUSY = EstopError, MotionLimitError, StarvedError  # what a computer is told that does too much
 STEPS = 100  # so many before the host is killed
@@ -60,7 +60,7 @@ class Served:
         if self.room.bus == "epp":
             self.writes = folder / "writes"
             arguments += ["--trace", self.writes]
-        self.process = Process(*arguments, patience=PATIENCE)
+        self.process = Process(*arguments)
         self.control = Control(folder / "c")
 
     @contextmanager

@@ -514,7 +514,7 @@ class Task(NamedTuple):
     jerk: Floats  # (n,) path jerk left
     split: Floats  # (n,) of a cell's time, for the first of its two pieces
     node: Ints  # (n + 1,) scratch
-    work: Floats  # (7, n + 1) scratch
+    work: Floats  # (8, n + 1) scratch
 
 
 @_part
@@ -616,7 +616,7 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     b, a = np.zeros(n + 1), np.zeros(n + 1)
     task = Task(
         grid, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
-        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((7, n + 1)),
+        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((8, n + 1)),
     )  # fmt: skip
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
@@ -851,7 +851,7 @@ def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
     The factor is 1 + share (1 - z^2)^3 for z from -1 to 1, so b, a and the jerk have no jump.
     """
     cells, split, place, span = task.cells, task.split, task.work[0], task.work[1]
-    best, square, slope = task.work[6], task.work[4], task.work[5]
+    best, square, slope, took = task.work[6], task.work[4], task.work[5], task.work[7]
     half, middle = 0.5 * (place[high] - place[low]), 0.5 * (place[high] + place[low])
     peak = low + (high - low) // 2
     worst = peak  # the cell that broke a limit
@@ -861,7 +861,7 @@ def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
         holds, saved = True, 0.0
         b0, a0 = _bump(b[worst], a[worst], (place[worst] - middle) / half, half, share)
         b1, a1 = _bump(b[worst + 1], a[worst + 1], (place[worst + 1] - middle) / half, half, share)
-        _, v, s, j = _used(cells, worst, b0, b1, a0, a1, split[worst])
+        there, v, s, j = _used(cells, worst, b0, b1, a0, a1, split[worst])
         if max(v, s, j) > 1.0 + ROUNDING:
             continue
         b0, a0 = b[low], a[low]
@@ -869,17 +869,20 @@ def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
             z = (place[c + 1] - middle) / half
             b1, a1 = _bump(b[c + 1], a[c + 1], z, half, share)
             square[c + 1], slope[c + 1] = b1, a1
-            time, v, s, j = _used(cells, c, b0, b1, a0, a1, split[c])
-            if max(v, s, j) > 1.0 + ROUNDING:
-                holds, worst = False, c
-                break
+            time = there
+            if c != worst:
+                time, v, s, j = _used(cells, c, b0, b1, a0, a1, split[c])
+                if max(v, s, j) > 1.0 + ROUNDING:
+                    holds, worst = False, c
+                    break
+            took[c] = time
             saved += span[c] - time
             b0, a0 = b1, a1
         if holds and saved > 0.0:
             for i in range(low + 1, high):
                 b[i], a[i] = square[i], slope[i]
             for c in range(low, high):
-                span[c] = _pieces(b[c], b[c + 1], a[c], a[c + 1], cells.size[c], split[c])[0]
+                span[c] = took[c]
 
 
 @_part

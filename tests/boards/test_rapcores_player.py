@@ -1,6 +1,7 @@
 """Plans played on the rapcores twin: to the step and the cycle, after starving, and halted."""
 
 import math
+from time import monotonic, sleep
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from pulsewright.errors import (
     StarvedError,
     UsageError,
 )
+from pulsewright.motion.hold import hold
 from pulsewright.motion.trajectory import Trajectory
 from pulsewright.transport.spi_bus import SpiBus, VirtualSpiBus
 
@@ -87,6 +89,16 @@ class Cable(SpiBus):
         self._bus.close()
 
 
+class Paced(Cable):
+    """The same, in real time: while the host waits, other threads have as long."""
+
+    in_real_time = True
+
+    def sleep(self, seconds):
+        sleep(seconds)
+        super().sleep(seconds)
+
+
 def steps_of(twin, motors):
     """Return cycles and counts of the steps of each motor since the start."""
     return StepCounter(numbered_pins(motors, 0)).feed(twin.drain())
@@ -102,6 +114,19 @@ def check_steps(steps, plan, start_cycle):
         assert abs(counts[-1] - end[i]) <= 0.5
     assert 0.5 + worst <= DEVIATION
     return worst
+
+
+def check_about(player, plan):
+    """Check steps on a link where the start is known to half a frame or so only."""
+    shift = 9000 * 2e-5
+    for i, (made, places) in enumerate(steps_of(player.driver.bus.twin, 2)):
+        playing = made >= player.start_cycle
+        assert places[~playing][-1:].sum() == 0  # to and fro, before motors were enabled
+        cycles, counts = made[playing], places[playing]
+        crossed = counts - np.diff(counts, prepend=0) / 2
+        planned = plan.at((cycles - player.start_cycle) / CLOCK)[:, i]
+        assert abs(crossed - planned).max() < 0.1 + shift
+        assert abs(counts[-1] - plan.at(math.inf)[0, i]) <= 0.5
 
 
 # ------------------------------------------------------------------------------ on time
@@ -190,6 +215,31 @@ def test_the_buffer_is_full_most_of_the_time():
         assert driver.buffer().used >= 7
 
 
+def test_a_plan_that_takes_long_to_make_is_made_while_the_old_one_goes_on():
+    """Its board keeps 0.1 s of motion; a host that waited for the new plan would starve it."""
+    twin = RapcoresTwin()
+    bus = Paced(twin)
+    driver, plan, asked = RapcoresDriver(bus), swing(1.5, 4000, 9000), []
+    player = play_on(driver, plan)
+    player.prepare()
+    player.play(0.2)
+
+    def replan(time):
+        asked.append(time)
+        patience = monotonic() + 20
+        while len(asked) == 1 and bus.now() < player.start_cycle + 0.6 * CLOCK:
+            assert monotonic() < patience, "the old plan does not go on"
+            sleep(1e-3)
+        return hold(plan, time, player.limits)[0]
+
+    since = player.change(replan)
+    assert len(asked) == 2  # the first time had passed when its plan was made
+    assert asked[0] < 0.6 < since == asked[1]
+    player.play(math.inf)
+    assert player.trajectory.duration < plan.duration
+    check_about(player, player.trajectory)
+
+
 # ------------------------------------------------------------------------------ where things are
 
 
@@ -227,16 +277,7 @@ def test_a_link_without_pins_plays_the_same_motion():
     player = play_on(driver, plan)
     player.prepare()
     player.play(math.inf)
-    steps = steps_of(driver.bus.twin, 2)
-    # the start is known to half a frame or so only
-    shift = 9000 * 2e-5
-    for i, (made, places) in enumerate(steps):
-        playing = made >= player.start_cycle
-        assert places[~playing][-1:].sum() == 0  # to and fro, before motors were enabled
-        cycles, counts = made[playing], places[playing]
-        crossed = counts - np.diff(counts, prepend=0) / 2
-        planned = plan.at((cycles - player.start_cycle) / CLOCK)[:, i]
-        assert abs(crossed - planned).max() < 0.1 + shift
+    check_about(player, plan)
 
 
 def test_telemetry_is_that_of_the_start_of_a_move_it_names():

@@ -64,6 +64,17 @@ def check(plan, held, at, time, limits):
     assert (abs(held.at(held.duration - 1e-9, 1)) < 0.2).all()
 
 
+def test_a_plan_of_one_piece_is_left_like_any_other():
+    """From rest to rest in one cubic: at no piece's begin does it move."""
+    plan = line(3000.0, 1.5)
+    plan.law[:] = [0.0, 0.0, 3 / 1.5**2, -2 / 1.5**3]
+    limits = AxisLimits.of_motors([16_000.0], [6.4e5])
+    held, at = hold(plan, 0.75, limits)
+    assert plan.at(0.75, 1)[0] == pytest.approx(3000.0)
+    assert held.duration > 0.75 + 3000 / 16_000
+    check(plan, held, at, 0.75, limits)
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_any_plan_is_left_at_any_time_within_its_limits(plan, limits, seed):
     time = float(np.random.default_rng(seed).uniform(0.01, plan.duration - 0.01))

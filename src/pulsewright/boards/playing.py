@@ -292,6 +292,11 @@ class PacedPlayer(Player):
     def _follow(self, trajectory: Trajectory) -> None:
         """Go on with a plan that is the same up to `free_from`, piece by piece."""
 
+    @property
+    def _soon(self) -> float:
+        """Time up to which to play before it is seen whether a new plan is made [s]."""
+        return self.free_from
+
     def _leave(self, replan: Replan) -> float | None:
         if self.free_from >= self.trajectory.duration:
             return None
@@ -323,7 +328,7 @@ class PacedPlayer(Player):
             while not made.done():
                 if self._interrupted():
                     return None
-                self._play(self.free_from)
+                self._play(self._soon)
             return made.result()
         finally:
             sys.setswitchinterval(before)

@@ -87,7 +87,7 @@ def hold(plan: Trajectory, time: float, limits: AxisLimits) -> tuple[Trajectory,
     resting = np.flatnonzero(abs(plan.law[here + 1 :, 1]) <= STILL * fastest)
     end = float(plan.start[here + 1 + resting[0]]) if len(resting) else plan.duration
     velocity = plan.at(time, 1)[0]
-    if not velocity.any() or not fastest:  # in a dwell, or where the plan turns
+    if not velocity.any():  # in a dwell, or where the plan turns
         return _cut(plan, time, here), time
     u, sigma, rate, bend = _brake(plan, time, end, limits)
     return _warped(plan, time, here, u, sigma, rate, bend), float(sigma[-1])

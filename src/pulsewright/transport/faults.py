@@ -414,6 +414,10 @@ class FaultySpiBus(_Faulty, SpiBus):
 
     _what = "spi"
 
+    def __init__(self, bus: SpiBus, faults: Faults) -> None:
+        super().__init__(bus, faults)
+        self.in_real_time = bus.in_real_time
+
     def transfer(self, data: bytes, cycle: int = ASAP) -> bytes:
         """Send a frame as far as the faults let it; see `SpiBus.transfer`."""
         self._check()

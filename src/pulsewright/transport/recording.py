@@ -223,6 +223,10 @@ class RecordedEppBus(_Recorded, EppBus):
 class RecordedSpiBus(_Recorded, SpiBus):
     """An SPI link whose frames are kept."""
 
+    def __init__(self, bus: SpiBus, recorder: Recorder) -> None:
+        super().__init__(bus, recorder)
+        self.in_real_time = bus.in_real_time
+
     def transfer(self, data: bytes, cycle: int = ASAP) -> bytes:
         """Send bytes in one frame; see `SpiBus`."""
         at = self.now()

@@ -180,6 +180,8 @@ class SocketSpiBus(SpiBus):
         If that is no address, or nobody listens there.
     """
 
+    in_real_time = True
+
     def __init__(self, address: str, clock_hz: int) -> None:
         self.clock_hz = clock_hz
         self._channel = _Channel(address)

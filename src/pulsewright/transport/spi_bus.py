@@ -38,6 +38,7 @@ class SpiBus(Protocol):
     """An SPI link with one board behind it."""
 
     clock_hz: int  # unit of `now` [Hz]
+    in_real_time: bool = False  # time is that of the host's clock, and it may be late
 
     @abstractmethod
     def transfer(self, data: bytes, cycle: int = ASAP) -> bytes:

@@ -48,6 +48,8 @@ class SpidevBus(SpiBus):
         If there is no such device, it is not ours to open, or cannot run like that.
     """
 
+    in_real_time = True
+
     def __init__(self, path: str, hz: int, clock_hz: int) -> None:
         self.clock_hz, self._path, self._hz = clock_hz, path, hz
         self._clock = HostClock(clock_hz)

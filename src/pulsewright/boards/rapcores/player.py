@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.driving import Stop
-from pulsewright.boards.playing import LOOK, Drives, Player, Replan
+from pulsewright.boards.playing import LOOK, Drives, PacedPlayer
 from pulsewright.boards.rapcores import registers as reg
 from pulsewright.boards.rapcores.commands import (
     Converter,
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from pulsewright.motion.trajectory import Trajectory
 
 LEAD: Final = 0.2  # first move, at rest: the host fills the buffer and sets up what it needs [s]
+SOON: Final = 0.01  # between two looks at whether a new plan is made [s]
 CONVERTED: Final = 4096  # grid steps at once
 ACTS: Final = 5  # from the end of the last bit of a word to its effect [clock]
 COUNTS: Final = 1 << 32  # of the counters of moves
@@ -123,7 +124,7 @@ class _Times(TypedDict):
     direction_hold: float
 
 
-class RapcoresPlayer(Player):
+class RapcoresPlayer(PacedPlayer):
     """Play motor positions on a RAPcores board. Creating one sends nothing; see `prepare`.
 
     If the board gets no move in time it stands still at once, without a ramp; `play` raises
@@ -307,11 +308,19 @@ class RapcoresPlayer(Player):
             else None
         )
 
-    def _leave(self, replan: Replan) -> float | None:
-        job = self._playing
-        time = job.leave(replan)
-        self.trajectory = job.converter.trajectory
-        return time
+    @property
+    def free_from(self) -> float:
+        """Time behind the moves that are sent [s]: from then on the plan may be another one."""
+        return self._playing.free_from
+
+    @property
+    def _soon(self) -> float:
+        bus: SpiBus = self.driver.bus
+        return (bus.now() - self.start_cycle) / bus.clock_hz + SOON
+
+    def _follow(self, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
+        self._playing.follow(trajectory)
 
     def speed(self) -> float:
         """Return the highest commanded rate of a motor about now [step/s]."""
@@ -444,26 +453,25 @@ class _Job:
         self._all_converted = False
         self.start_cycle = self._start()
 
-    def leave(self, replan: Replan) -> float | None:
-        """Leave the trajectory behind the moves that are sent; see `Player`."""
-        trajectory, pace = self.converter.trajectory, self._pace
-        at = self._ticks // pace.ticks
-        begin = max(self.converter.time(self._ticks), 0.0)
-        if begin >= trajectory.duration:
-            return None
-        plan, time = replan(begin)
+    @property
+    def free_from(self) -> float:
+        """Time behind the moves that are sent [s]."""
+        return max(self.converter.time(self._ticks), 0.0)
+
+    def follow(self, trajectory: Trajectory) -> None:
+        """Go on behind the moves that are sent with a trajectory that is the same up to there."""
+        pace = self._pace
         self.converter = Converter(
-            plan,
+            trajectory,
             ticks=pace.ticks,
             tick=pace.tick,
             word_bits=self._driver.word_bits,
             position=self.accumulators[0],
             fraction=self.accumulators[1],
-            at=at,
+            at=self._ticks // pace.ticks,
         )
         self._waiting.clear()
         self._all_converted = False
-        return time
 
     @property
     def waiting(self) -> bool:

@@ -251,10 +251,17 @@ def test_holding_from_the_begin_needs_a_way_to_resume(job, capsys, monkeypatch):
     assert "--hold begins held, and nothing could resume: give --control" in capsys.readouterr().err
 
 
-@pytest.mark.campaign
-@pytest.mark.parametrize("board", ROOMS)
+mark = pytest.mark
+PROGRAMS = ("arcspiral.ngc", "vcarve.ngc", "wheels.ngc", "contour.ngc", "trochoidal.ngc")
+
+
 @pytest.mark.parametrize(
-    "name", ["arcspiral.ngc", "vcarve.ngc", "wheels.ngc", "contour.ngc", "trochoidal.ngc"]
+    ("name", "board"),
+    [  # each program on one board, on all of them by hand
+        pytest.param(name, board, marks=mark.campaign if i % len(ROOMS) == j else mark.marathon)
+        for i, name in enumerate(PROGRAMS)
+        for j, board in enumerate(ROOMS)
+    ],
 )
 def test_real_programs_with_changes_at_random_times(name, board, corpus):
     job = Job.from_gcode(corpus / name)

@@ -156,7 +156,7 @@ USC = (
         "in emergency stop",
         "100 ms",
     ),
-    Case("bytes delayed", link("delay", seconds=0.002), "LateError", "came late", "102 ms"),
+    Case("bytes delayed", link("delay", seconds=0.002), "LateError", "came late", "118 ms"),
     Case(
         "host stalled for 1 s",
         link("stall", seconds=1.0, count=1),
@@ -254,7 +254,7 @@ PLUTO = (
         "steps from where it was commanded to be",
         "100 ms",
     ),
-    Case("bytes delayed", link("delay", seconds=0.002), "LateError", "came late", "102 ms"),
+    Case("bytes delayed", link("delay", seconds=0.002), "LateError", "came late", "118 ms"),
     Case(
         "host stalled for 1 s",
         link("stall", seconds=1.0, count=1),

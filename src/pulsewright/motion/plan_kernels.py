@@ -56,9 +56,10 @@ NEVER = 1.08  # of the second-order optimum: squares of speeds are lower
 PARTS = 4096  # cells of one element at most
 
 
-# For kernels only: what Python needs to call them would take longest to compile. They make no
-# arrays, so they need no reference counts, which cost most where a call passes many arrays.
-_part = compiled(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
+# For kernels only: what Python needs to call them would take longest to compile.
+_part = compiled(
+    allocates=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+)
 
 
 class Cells(NamedTuple):

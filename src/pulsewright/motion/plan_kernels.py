@@ -303,7 +303,8 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
             size = 2 * (n + parts)
             old = element, offset, length
             element, offset, length = np.empty(size, np.int64), np.empty(size), np.empty(size)
-            element[:n], offset[:n], length[:n] = old[0][:n], old[1][:n], old[2][:n]
+            for c in range(n):  # a loop, as assigning slices takes seconds to compile
+                element[c], offset[c], length[c] = old[0][c], old[1][c], old[2][c]
         if parts == 1:
             element[n], offset[n], length[n] = e, 0.0, total
             n += 1
@@ -330,7 +331,10 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
                 continue
         if used == share.shape[0]:
             more = np.zeros((2 * used, rows, 6))
-            more[:used] = share
+            for p in range(used):
+                for r in range(rows):
+                    for k in range(6):
+                        more[p, r, k] = share[p, r, k]
             share = more
         row[c] = used
         if after <= e + 1:
@@ -633,7 +637,8 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
         last += 1  # nodes first..last, cells first..last - 1
         if grid.size[first] > 0.0:
             short = last - first <= SHORT
-            broken[first:last] = True  # nothing is planned yet
+            for c in range(first, last):
+                broken[c] = True  # nothing is planned yet
             left = last - first
             for trial in range(REPAIRS + 1):
                 if left == 0:

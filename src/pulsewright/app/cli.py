@@ -164,8 +164,9 @@ def plan(
         return
     from pulsewright.app.planning import plan_file
     from pulsewright.app.progress import progress
+    from pulsewright.app.rehearsal import rehearsed
 
-    with progress() as report_progress:
+    with rehearsed(), progress() as report_progress:
         outline = plan_file(file, machine=machine, progress=report_progress)
     _show(outline, as_json)
 

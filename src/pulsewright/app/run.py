@@ -23,6 +23,7 @@ from pulsewright.app.planning import (
     require_certificate,
 )
 from pulsewright.app.progress import Progress, silent
+from pulsewright.app.rehearsal import rehearsed
 from pulsewright.app.standing import Standing
 from pulsewright.boards.board import Board
 from pulsewright.boards.playing import Drives, Player
@@ -574,18 +575,22 @@ def run_file(
     progress: Progress = silent,
 ) -> Result:
     """Do the main job as the command line does: reports go to out/<program> unless told."""
-    job = Job.from_gcode(path, machine=machine, progress=progress)
-    return job.run(
-        board=board,
-        profile=profile,
-        link=link,
-        out=out if out is not None else Path("out") / path.stem,
-        vcd=vcd,
-        record=record,
-        referenced=referenced,
-        feed=feed,
-        progress=progress,
-    )
+    chosen = chosen_machine(machine)
+    name, url = board or chosen.board.name, link or chosen.link.url
+    boards.get(name)
+    with rehearsed(name if url.startswith("twin:") else None):
+        job = Job.from_gcode(path, machine=chosen, progress=progress)
+        return job.run(
+            board=board,
+            profile=profile,
+            link=link,
+            out=out if out is not None else Path("out") / path.stem,
+            vcd=vcd,
+            record=record,
+            referenced=referenced,
+            feed=feed,
+            progress=progress,
+        )
 
 
 def _switches(machine: Machine | None) -> dict[str, int]:

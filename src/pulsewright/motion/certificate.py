@@ -537,8 +537,9 @@ def _hull_of_parts(c: list[Floats], size: Floats) -> Floats:
     return bound
 
 
-def _hull(c: list[Floats], size: Floats) -> Floats:
+def _hull(cubic: list[Floats], size: Floats) -> Floats:
     """Bound the length of cubics over 0..size by their control points."""
     from pulsewright.motion import certificate_kernels as kernels
 
-    return np.asarray(kernels.hull(c[0], c[1], c[2], c[3], size))
+    a, b, c, d = map(np.ascontiguousarray, cubic)  # columns of others would compile it once more
+    return np.asarray(kernels.hull(a, b, c, d, size))

@@ -1,0 +1,126 @@
+"""Compiling ahead: on a first run, other processes compile what this one needs later.
+
+Kernels are compiled where they are first called, one after the other, and kept on disk for all
+processes; see `pulsewright.compiled`. So while the first stages of a job compile theirs here, its
+later ones are done elsewhere for one short move: they find their kernels ready.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pulsewright.motion.moves import Program
+    from pulsewright.motion.trajectory import Trajectory
+
+NICE: Final = 5  # the process that is waited for comes first
+
+
+@contextmanager
+def rehearsed(board: str | None = None) -> Iterator[None]:
+    """Let other processes compile ahead during a ``with`` block, where that is of use.
+
+    Parameters
+    ----------
+    board : str, optional
+        Whose twin runs what is planned in the block.
+    """
+    parts = {"plan": "pulsewright.motion.plan_kernels"}
+    if board is not None:
+        parts[board] = f"pulsewright.boards.{board}.twin_kernel"
+    from pulsewright.compiled import kept
+
+    command = [sys.executable, "-P", "-m", "pulsewright.app.rehearsal"]
+    quiet = subprocess.DEVNULL
+    started = [
+        subprocess.Popen([*command, part], stdin=quiet, stdout=quiet, stderr=quiet)
+        for part, module in parts.items()
+        if not kept(import_module(module))
+    ]
+    try:
+        yield
+    finally:
+        for process in started:
+            process.terminate()
+        for process in started:
+            process.wait()
+
+
+def rehearse(part: str) -> None:
+    """Do ``plan``, or a run on the twin of a board, with one move."""
+    if part == "plan":
+        _plan()
+    else:
+        _run(part)
+
+
+def _program() -> Program:
+    from pulsewright.motion.gcode import interpret_text
+
+    return interpret_text("F60 G1 X1\n")
+
+
+def _plan() -> None:
+    """Plan the speeds on a line, and certify them."""
+    from pulsewright.motion.certificate import certify
+    from pulsewright.motion.machine import Machine
+    from pulsewright.motion.path import Elements
+    from pulsewright.motion.plan_kernels import Cells, law, speeds
+
+    t = _by_hand()
+    line = Elements(
+        *(t.poly, t.cosine, t.sine, t.omega, t.length, t.move),
+        dwell=np.zeros(1),
+        feed=np.ones(1),
+        rest=np.ones(1, np.bool_),
+    )
+    cells = Cells(
+        element=np.zeros(2, np.int64),
+        offset=np.array([0.0, 0.5]),
+        size=np.array([0.5, 0.5]),
+        feed=np.ones(2),
+        rest=np.array([False, True]),
+        row=np.zeros(2, np.int64),
+        share=np.full((1, 1, 6), 0.01),
+        rows=np.ones(1, np.int64),
+    )
+    b, a, split, _ = speeds(cells, 0.0, 0.0)
+    pieces = law(line, cells.element, cells.offset, cells.size, b, a, split)
+    certify(t.timed(*pieces), _program().moves, Machine.default())
+
+
+def _run(board: str) -> None:
+    """Run a line on the twin of a board."""
+    from pulsewright.app.planning import Clock
+    from pulsewright.app.run import Job
+    from pulsewright.motion.certificate import Certifier
+    from pulsewright.motion.machine import Machine
+
+    machine, program = Machine.default(), _program()
+    certificate = Certifier(machine, program.moves.start).finish()
+    Job(program, machine, _by_hand(), certificate, Clock()).run(board=board, link="twin:")
+
+
+def _by_hand() -> Trajectory:
+    """Return a plan that took no planner: 1 mm of X in 1 s."""
+    from pulsewright.motion.trajectory import Trajectory
+
+    poly = np.zeros((1, 4, 6))
+    poly[0, 1, 0] = 1.0
+    none, first = np.zeros((1, 6)), np.zeros(1, np.int32)
+    law = np.array([[0.0, 0.0, 3.0, -2.0]])
+    ends = np.array([0.0, 1.0])
+    return Trajectory(poly, none, none, np.zeros(1), np.ones(1), first, first, ends, law)
+
+
+if __name__ == "__main__":
+    os.nice(NICE)
+    rehearse(sys.argv[1])

@@ -1,0 +1,67 @@
+"""What is compiled ahead is what jobs need, and nobody waits for it or keeps it running."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+
+from pulsewright import boards, compiled
+from pulsewright.app import rehearsal
+
+# kernel: what an index of kept kernels is named after; variant: what its files are
+FILE = re.compile(r"(?P<module>\w+)_[0-9a-f]{40}/(?P<kernel>[\w.]+)-\d+\.py\d+\.(?P<variant>\d+)")
+
+
+def kept(folder):
+    """Return the kernels kept in a folder, each with its file per type of arguments."""
+    found = [FILE.search(str(path)).groups() for path in folder.glob("*/*.nbc")]
+    return {(f"{module}/{kernel}", variant) for module, kernel, variant in found}
+
+
+def rehearsed(part, environment):
+    command = [sys.executable, "-m", "pulsewright.app.rehearsal", part]
+    subprocess.run(command, env=environment, check=True)
+
+
+@pytest.mark.campaign  # each compiles all kernels of a board
+@pytest.mark.parametrize("board", boards.BOARDS)
+def test_kernels_compiled_ahead_are_those_that_a_job_uses(board, tmp_path):
+    cache = tmp_path / "cache"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    rehearsed("plan", environment)
+    planning = {kernel for kernel, _ in kept(cache)}
+    assert {"motion/plan_kernels.speeds", "motion/certificate_kernels.worst"} <= planning
+    rehearsed(board, environment)
+    before = kept(cache)
+    kernels = {kernel for kernel, _ in before}
+    twin = f"{board}/twin_kernel."
+    assert any(kernel.startswith(twin) for kernel in kernels)
+    assert f"{board}/commands_kernel.convert" in kernels
+    assert "verify/kernels.follow" in kernels
+    program = tmp_path / "two.ngc"
+    program.write_text("G21 G64 P0.05 F1000\nG1 X10 Y0\nG1 X10 Y10\n")
+    command = [sys.executable, "-m", "pulsewright", "run", str(program), "--board", board]
+    subprocess.run([*command, "--out", str(tmp_path / "out")], env=environment, check=True)
+    again = {kernel for kernel, _ in kept(cache) - before if kernel in kernels}
+    assert not again, "compiled ahead for other types than those of a job"
+
+
+def test_other_processes_end_with_the_block_that_they_compile_for(monkeypatch):
+    monkeypatch.setattr(compiled, "kept", lambda module: False)
+    started = []
+    start = subprocess.Popen
+
+    def noted(command, **options):
+        started.append(start([sys.executable, "-c", "import time; time.sleep(600)"], **options))
+        return started[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", noted)
+    begin = time.monotonic()
+    with rehearsal.rehearsed("usc"):
+        assert len(started) == 2
+        assert all(process.poll() is None for process in started)
+    assert all(process.poll() is not None for process in started)
+    assert time.monotonic() - begin < 300

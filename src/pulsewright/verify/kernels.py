@@ -382,7 +382,8 @@ def compare_path(
             state[0] += 1
         for i in range(state[0], state[1]):
             covered[i] = min(covered[i], segment_distance2(finish[i], before, p, first))
-        before[:] = p
+        for axis in range(p.size):  # a loop, as assigning slices takes seconds to compile
+            before[axis] = p[axis]
 
 
 @compiled()

@@ -468,9 +468,11 @@ class _Reference:
     def deviation(self) -> tuple[Floats, Floats]:
         """Return a bound on the distance from the programmed path, and the tolerance, (m,)."""
         length = self.trajectory.length
-        begin = np.append(0.0, np.cumsum(length)[:-1])
-        first = np.searchsorted(self.run, np.arange(len(self.last)))
-        begin -= begin[first][self.run]  # from the start of the run
+        first = np.searchsorted(self.run, np.arange(len(self.last) + 1))
+        count, begin = np.diff(first), np.zeros(len(length))  # from the start of the run
+        for k in range(1, count.max()):  # no sum over runs, whose rounding would grow
+            here = first[:-1][count > k] + k
+            begin[here] = begin[here - 1] + length[here - 1]
         chunks = (slice(at, at + CHUNK) for at in range(0, len(length), CHUNK))
         found = [self._deviation(chunk, begin[chunk, None]) for chunk in chunks]
         bound, allowed = zip(*found, strict=True)

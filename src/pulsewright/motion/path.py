@@ -24,7 +24,9 @@ REVERSAL = -0.98  # cosine between tangents below which the machine stops in the
 MERGE_SHARE = 0.42  # of the tolerance, for chords; the rest is for blends
 LONGEST_RUN = 64  # moves that one chord may replace
 BLEND_SHARE = 0.1  # of acceleration and jerk at full speed; a blend need not take less
-SLIVER = 1e-8  # of a segment: so small a part is none; what it bends is rounding
+SLIVER = 1e-13  # of a segment: so small a part is none; what it bends is rounding
+ROUNDING = 1e-11  # of positions, left of tolerances [mm, degrees]
+LEAST_BLEND = 1e-7  # of a segment: in a smaller one, rounding would be felt; the machine rests
 SHORT_BLEND = 0.1  # of the stopping distance: so short a blend hinders no change of speed
 WIDEST_ARC = 0.5  # of an arc that a blend may bend [rad]
 ARC_SHARE = 0.95  # of the acceleration for bending on arcs; the rest changes speed
@@ -280,10 +282,11 @@ def merged(s: Segments, collapse: Floats, limits: Limits) -> tuple[Ints, Floats]
     """
     n = s.length.size
     last, used, left = np.empty(n, np.int64), np.zeros(n + 1), np.empty(n)
+    wide = np.zeros(n + 1)  # what all deviations of a run together may be
     short = np.empty(n, np.bool_)
     for j in range(n):
-        wide = collapse[j] > s.tolerance[j] > 0.0
-        short[j] = s.omega[j] == 0.0 and (wide or 2.0 * s.ramp[j] * s.length[j] < s.top[j])
+        loose = collapse[j] > s.tolerance[j] > 0.0
+        short[j] = s.omega[j] == 0.0 and (loose or 2.0 * s.ramp[j] * s.length[j] < s.top[j])
         for axis in range(3, 6):
             short[j] &= s.poly[j, 1, axis] == 0.0
     k, i = 0, 0
@@ -308,7 +311,7 @@ def merged(s: Segments, collapse: Floats, limits: Limits) -> tuple[Ints, Floats]
             worst = far
             j += 1
         if tight:
-            last[k], used[k] = j, max(worst - more, 0.0)
+            last[k], used[k], wide[k] = j, worst, more + s.tolerance[i]
             k += 1
             i = j + 1
         else:
@@ -317,9 +320,10 @@ def merged(s: Segments, collapse: Floats, limits: Limits) -> tuple[Ints, Floats]
                 k += 1
             i = max(j, i + 1)
     for q in range(k):
-        left[q] = s.tolerance[last[q]]
-        if left[q] > 0.0:
-            left[q] -= max(used[q], used[q + 1])
+        own = left[q] = s.tolerance[last[q]]
+        if own > 0.0:
+            for run in range(q, q + 2):
+                left[q] = min(left[q], max(own, wide[run]) - used[run])
     return last[:k], left[:k]
 
 
@@ -397,7 +401,7 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
     work = np.empty((4, 6))
     e1, e2, c1, c2 = work[0], work[1], work[2], work[3]
     for k in range(n):
-        rest[k] = k + 1 == n or s.tolerance[k] <= 0.0
+        rest[k] = k + 1 == n or s.tolerance[k] <= 2.0 * ROUNDING
         if rest[k]:
             continue
         _tangent(s, k, s.length[k], e1, c1)
@@ -416,7 +420,7 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
         if rest[k] or (angle <= TANGENT and more <= TANGENT):
             continue
         top, ramp = min(s.top[k], s.top[k + 1]), min(s.ramp[k], s.ramp[k + 1])
-        free = s.tolerance[k] * (1.0 - 1e-9)
+        free = s.tolerance[k] * (1.0 - 1e-9) - ROUNDING
         first, second = CORNER_PART * angle, CURVE_PART * more
         wanted[k] = 2.0 * free / (first + math.sqrt(first * first + 4.0 * second * free))
         wanted[k] = min(wanted[k], _of_use(turn[k], bend[k], top, ramp, limits))
@@ -433,6 +437,8 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
                 apart = wanted[other] if other >= 0 else math.inf
                 room = max(0.5 * room, room - apart)
             size[k] = min(size[k], room)
+        if size[k] < LEAST_BLEND * max(s.length[k], s.length[k + 1]):
+            size[k], rest[k] = 0.0, True
     return size, turn, bend, rest
 
 

@@ -124,11 +124,16 @@ def test_faults_within_a_file_of_a_subroutine_name_that_file(tmp_path):
     assert (refusal.value.path, refusal.value.line) == (str(tmp_path / "bad.ngc"), 3)
 
 
-@pytest.mark.parametrize("name", ["../main", "/etc/passwd", ".hidden"])
+@pytest.mark.parametrize("name", ["../main", "/etc/passwd", ".hidden", 300 * "a"])
 def test_labels_name_files_of_the_search_path_alone(tmp_path, name):
     (tmp_path / "main.ngc").write_text(f"o<{name}> call\n")
     with pytest.raises(GcodeError, match="there is no"):
         interpret(tmp_path / "main.ngc")
+
+
+def test_a_subprogram_of_any_number_may_be_missing():
+    with pytest.raises(GcodeError, match="there is no"):
+        interpret_text(f"M98 P{300 * '9'}\n")
 
 
 def test_no_program_runs_for_ever():

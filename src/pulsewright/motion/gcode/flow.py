@@ -17,6 +17,7 @@ from pulsewright.motion.gcode.source import BLANK, Construct, Source
 
 FEW: Final = 8
 LONGEST_WAIT: Final = 63
+LONGEST_NAME: Final = 200  # of a file, without its ending [byte]; systems take 251
 
 _NOTHING: Final = (0.0,) * LOCALS
 _CLOSE: Final = {"SUB": "endsub", "IF": "endif", "WHILE": "endwhile", "REPEAT": "endrepeat"}
@@ -383,6 +384,8 @@ class Flow:
     def _file(self, name: str) -> Path | None:
         if "/" in name or "\\" in name or name.startswith("."):
             return None  # a label names a file of the search path, not any file
+        if len(name.encode()) > LONGEST_NAME:
+            return None
         candidates = (folder / f"{name}.ngc" for folder in self._folders())
         return next((path for path in candidates if path.is_file()), None)
 

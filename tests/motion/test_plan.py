@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pulsewright.errors import MotionLimitError
+from pulsewright.errors import MotionLimitError, UsageError
 from pulsewright.motion.certificate import certify
 from pulsewright.motion.gcode import InterpreterSettings, interpret
 from pulsewright.motion.machine import Machine
 from pulsewright.motion.moves import MoveKind, Moves, Plane
 from pulsewright.motion.plan import begin_times, plan
+from pulsewright.motion.stream import Planner
 
 # X, Y, Z: 60 mm/s, 500 mm/s^2; A: 180 degrees/s, 1000 degrees/s^2; all in 0.025 s at that
 MACHINE = Machine.default()
@@ -268,6 +269,44 @@ def test_move_between_two_large_blends_does_not_vanish():
 def test_travel_is_checked():
     with pytest.raises(MotionLimitError, match="line 1: X reaches 401 mm"):
         plan(program([((401, 0), 50)]), MACHINE)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "rule"),
+    [
+        ("end", math.nan, r"moves.end\[1\] is .*line 2.*must be finite"),
+        ("end", math.inf, "finite"),
+        ("center", math.nan, "finite"),
+        ("sweep", 0.0, "finite and not 0"),
+        ("feed", 0.0, "above 0"),
+        ("feed", math.nan, "above 0"),
+        ("tolerance", math.inf, "finite, 0 or more"),
+        ("dwell", -1.0, "finite, 0 or more"),
+        ("kind", 7, "that of a MoveKind"),
+        ("plane", 3, "that of a Plane"),
+    ],
+)
+def test_moves_made_by_hand_that_mean_nothing_are_refused(column, value, rule):
+    moves = program([((10, 0), 10), ((10, 10), 10, ((10, 5), math.pi))])
+    wrong = getattr(moves, column).copy()
+    wrong[1] = value
+    with pytest.raises(UsageError, match=rule):
+        plan(replace(moves, **{column: wrong}), MACHINE)
+    planner = Planner(MACHINE)
+    with pytest.raises(UsageError, match=rule):
+        planner.add(replace(moves, **{column: wrong}))
+
+
+def test_columns_of_moves_are_arrays_of_one_length_and_their_types():
+    moves = program([((10, 0), 10)])
+    for wrong, found in [
+        ({"feed": np.ones(2)}, r"moves.feed is float64 \(2,\); for 1 moves"),
+        ({"feed": [10.0]}, r"moves.feed is list"),
+        ({"end": moves.end.astype(np.float32)}, r"must be an array of float64 \(1, 6\)"),
+        ({"start": np.full(6, math.nan)}, "positions must be finite"),
+    ]:
+        with pytest.raises(UsageError, match=found):
+            plan(replace(moves, **wrong), MACHINE)
 
 
 def test_long_programs_do_not_drift():

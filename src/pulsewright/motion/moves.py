@@ -9,6 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.errors import UsageError
+
 AXES: Final = "XYZABC"  # columns of every position: X Y Z in mm, A B C in degrees
 
 
@@ -93,6 +95,48 @@ class Moves:
     def __len__(self) -> int:
         return len(self.kind)
 
+    def require_sound(self) -> None:
+        """Check types, shapes and values, as programs that make moves by themselves may err.
+
+        Raises
+        ------
+        UsageError
+            If a column has another type or shape than said above, or a value that means nothing;
+            the message names the first such move.
+        """
+        count = len(np.atleast_1d(self.kind))
+        for name, (dtype, shape) in {"start": (np.float64, (6,)), **_layout(count)}.items():
+            column = getattr(self, name)
+            if getattr(column, "dtype", None) != dtype or column.shape != shape:
+                found = f"{getattr(column, 'dtype', type(column).__name__)} {np.shape(column)}"
+                raise UsageError(
+                    f"moves.{name} is {found}; for {count} moves it must be an array of "
+                    f"{np.dtype(dtype)} {shape}"
+                )
+        if not np.isfinite(self.start).all():
+            raise UsageError(f"moves.start is {self.start.tolist()}; positions must be finite")
+        arc, dwell = self.kind == MoveKind.ARC, self.kind == MoveKind.DWELL
+        slow = ~(self.feed > 0) & ~self.rapid & ~dwell
+        turning = np.isfinite(self.center) | (np.arange(3) == self.plane[:, None])
+        rules = [
+            ("kind", ~np.isin(self.kind, list(MoveKind)), "that of a MoveKind"),
+            ("plane", ~np.isin(self.plane, list(Plane)) & arc, "that of a Plane"),
+            ("end", ~np.isfinite(self.end).all(axis=1), "finite"),
+            ("center", ~turning.all(axis=1) & arc, "finite"),
+            ("sweep", ~(np.isfinite(self.sweep) & (self.sweep != 0)) & arc, "finite and not 0"),
+            ("feed", slow, "above 0"),
+        ]
+        for name in ("dwell", "tolerance", "collapse", "pitch"):
+            column = getattr(self, name)
+            rules.append((name, ~((column >= 0) & (column < np.inf)), "finite, 0 or more"))
+        for name, wrong, rule in rules:
+            if wrong.any():
+                n = int(np.argmax(wrong))
+                raise UsageError(
+                    f"moves.{name}[{n}] is {getattr(self, name)[n].tolist()} (line "
+                    f"{self.line[n]} of the program); it must be {rule}"
+                )
+
     def starts(self) -> NDArray[np.float64]:
         """Return the position before each move, shape (n, 6)."""
         return np.concatenate([self.start[None], self.end[:-1]])[: len(self)]
@@ -109,6 +153,16 @@ class Moves:
 
     def _columns(self) -> list[NDArray[Any]]:
         return [getattr(self, column.name) for column in fields(self)[1:]]
+
+
+def _layout(count: int) -> dict[str, tuple[Any, tuple[int, ...]]]:
+    """Return type and shape of each column of `Moves`."""
+    types = {"kind": np.int8, "plane": np.int8, "rapid": np.bool_, "line": np.int32}
+    wide = {"end": (6,), "center": (3,)}
+    return {
+        field.name: (types.get(field.name, np.float64), (count, *wide.get(field.name, ())))
+        for field in fields(Moves)[1:]
+    }
 
 
 @dataclass(frozen=True)

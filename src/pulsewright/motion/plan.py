@@ -46,9 +46,12 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     ------
     MotionLimitError
         If a move leaves the travel of the machine.
+    UsageError
+        If the moves cannot be as they are, see `Moves.require_sound`.
     """
     from pulsewright.motion import plan_kernels  # compiled on first use
 
+    moves.require_sound()
     machine.check_travel(moves)
     elements, limits = blended_path(moves, machine)
     grid = plan_kernels.cells(elements, limits, 0.0)

@@ -108,10 +108,11 @@ class Planner:
         MotionLimitError
             If a move leaves the travel of the machine.
         UsageError
-            If the moves were said to be complete.
+            If the moves were said to be complete, or cannot be as they are.
         """
         if self._complete:
             raise UsageError("moves were added after the last ones; make a new Planner for them")
+        moves.require_sound()
         self._machine.check_travel(moves)
         if len(moves):
             self._queue.append(moves)

@@ -15,10 +15,14 @@ import pytest
 import pulsewright
 from pulsewright import boards
 from pulsewright.boards.board import Board
+from pulsewright.boards.playing import Drives
+from pulsewright.edges.timing import DriveTiming
 from pulsewright.errors import PulsewrightError, UsageError
+from pulsewright.motion.trajectory import Trajectory
 
 HEAVY = ("numba", "amaranth", "systemrdl", "matplotlib", "pydantic")
 ROOM = Path(boards.__file__).parent
+DRIVES = Drives([32e3] * 2, [160e3] * 2, [6.4e6] * 2, DriveTiming(2e-6, 2e-6, 5e-6, 5e-6))
 
 each_board = pytest.mark.parametrize("room", boards.BOARDS.values(), ids=lambda room: room.name)
 each_profile = pytest.mark.parametrize(
@@ -172,6 +176,45 @@ def test_every_profile_opens_initialises_and_runs(room, profile):
         driver.check_running()
         driver.estop()
         assert not driver.running
+
+
+@each_board
+@pytest.mark.parametrize(
+    ("column", "at", "value", "found"),
+    [
+        ("law", (0, 1), np.nan, r"trajectory.law\[0, 1\] is nan; it must be finite"),
+        ("poly", (0, 1, 0), np.inf, r"trajectory.poly\[0, 1, 0\] is inf"),
+        ("element", 0, 1, r"trajectory.element\[0\] is 1; they must be from 0 to 0"),
+        ("start", 1, -1.0, r"trajectory.start\[1\] is -1.0; they must be 0 and then"),
+        ("start", 0, 0.5, r"trajectory.start\[0\] is 0.5"),
+    ],
+)
+def test_trajectories_made_by_hand_that_mean_nothing_are_not_played(room, column, at, value, found):
+    steps = straight()
+    getattr(steps, column)[at] = value
+    with boards.open_board(room.name) as board:
+        player = room.player(board, steps, DRIVES)
+        with pytest.raises(UsageError, match=found):
+            player.prepare()
+
+
+@each_board
+def test_trajectories_of_uneven_columns_are_not_played(room):
+    steps = dataclasses.replace(straight(), start=np.zeros(3))
+    with boards.open_board(room.name) as board:
+        player = room.player(board, steps, DRIVES)
+        with pytest.raises(UsageError, match=r"trajectory.start has the shape \(3,\)"):
+            player.prepare()
+
+
+def straight():
+    """Return 100 steps of the first of two motors in 1 s, from rest to rest."""
+    poly = np.zeros((1, 4, 2))
+    poly[0, 1, 0] = 100.0
+    none, first = np.zeros((1, 2)), np.zeros(1, np.int32)
+    law = np.array([[0.0, 0.0, 3.0, -2.0]])
+    ends = np.array([0.0, 1.0])
+    return Trajectory(poly, none, none, np.zeros(1), np.ones(1), first, first, ends, law)
 
 
 @each_board

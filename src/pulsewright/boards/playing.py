@@ -119,11 +119,13 @@ class Player(ABC):
             If the board cannot follow the motors' rates or accelerations with these pulses on this
             link.
         RegisterValueError, UsageError
-            If a pulse time is more than the board can make, or its profile cannot play plans.
+            If a pulse time is more than the board can make, its profile cannot play plans, or the
+            trajectory cannot be as it is, see `Trajectory.require_sound`.
         BusError, EstopError
             If there is no such board, the link fails, or emergency stop is not left.
         """
         self.driver.require_position()
+        self.trajectory.require_sound()
         # what a stop needs is compiled now, and not when it is urgent
         hold(self.trajectory, self.trajectory.duration / 2, self.limits)
         self._prepare()

@@ -16,10 +16,12 @@ tau = t - start[k]::
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from pulsewright.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,44 @@ class Trajectory:
     element: NDArray[np.int32]
     start: NDArray[np.float64]
     law: NDArray[np.float64]
+
+    def require_sound(self) -> None:
+        """Check shapes and values, as programs that make trajectories by themselves may err.
+
+        Limits and continuity are not looked at; see `certify`.
+
+        Raises
+        ------
+        UsageError
+            If a column has another shape than said above, a value is not finite, a piece has no
+            element, or time runs back; the message names the first such entry.
+        """
+        m, k, axes = len(self.length), len(self.element), self.axes
+        shapes = [(m, 4, axes), (m, axes), (m, axes), (m,), (m,), (m,), (k,), (k + 1,), (k, 4)]
+        for field, shape in zip(fields(self), shapes, strict=True):
+            column = getattr(self, field.name)
+            if column.shape != shape:
+                raise UsageError(
+                    f"trajectory.{field.name} has the shape {column.shape}; with {m} elements and "
+                    f"{k} pieces it must be {shape}"
+                )
+            if not np.isfinite(column).all():
+                at = tuple(np.argwhere(~np.isfinite(column))[0].tolist())
+                raise UsageError(
+                    f"trajectory.{field.name}{list(at)} is {column[at]}; it must be finite"
+                )
+        early = np.diff(self.start, prepend=0.0) < 0
+        early[0] |= self.start[0] != 0
+        other = (np.diff(self.element, prepend=0) < 0) | (self.element >= m)
+        for name, wrong, rule in [
+            ("element", other, f"from 0 to {m - 1}, never decreasing"),
+            ("start", early, "0 and then never decreasing"),
+        ]:
+            if wrong.any():
+                n = int(np.argmax(wrong))
+                raise UsageError(
+                    f"trajectory.{name}[{n}] is {getattr(self, name)[n]}; they must be {rule}"
+                )
 
     @property
     def duration(self) -> float:

@@ -167,10 +167,11 @@ class ArcFeed(NamedTuple):
 
 
 class RigidTap(NamedTuple):
-    """Go to ``position`` and back to ``start`` with the spindle."""
+    """Go to ``position``, and back to ``start`` ``back`` times as fast, with the spindle."""
 
     position: Position
     start: Position
+    back: float = 1.0
 
 
 class StraightProbe(NamedTuple):

@@ -33,7 +33,7 @@ from pulsewright.motion.gcode.reader import Block
 from pulsewright.motion.gcode.settings import FARTHEST, SYSTEMS, InterpreterSettings
 from pulsewright.motion.gcode.state import Modal
 from pulsewright.motion.gcode.tools import Tool
-from pulsewright.motion.moves import AXES
+from pulsewright.motion.moves import AXES, Plane
 from pulsewright.units import INCH
 
 SLOWEST: Final = 0.1  # [length units or degrees per minute] that inverse time asks for
@@ -80,6 +80,7 @@ class Context:
         self._base = canon
         self._compensation: Compensation | None = None
         self._compensation_mode = 400
+        self._leaving = False  # compensation has ended, and no move led away from it yet
         self._axis = {letter: AXES.index(letter) for letter in settings.axes}
         self._foreign = AXIS_WORDS - set(settings.axes) - {"@", "^"}
         self._wrapped = frozenset(AXES.index(letter) for letter in settings.wrapped)
@@ -199,6 +200,8 @@ class Context:
         if machine:
             if not self.modal.absolute:
                 raise block.fault("G53 needs absolute distances; use G90", "G", 530)
+            if not {"@", "^"}.isdisjoint(block.words):
+                raise block.fault("polar coordinates do not work with G53", "@^")
             end = self.frame.to_machine(self.position)
             scales = self._scales()
             for axis, value in named:
@@ -230,11 +233,13 @@ class Context:
         return turned(value, here)
 
     def _polar(self, block: Block, end: list[float]) -> None:
-        """Set X and Y from polar coordinates about the origin."""
+        """Move X and Y of ``end`` by polar coordinates about the origin."""
         words = block.words
+        if self.modal.plane is not Plane.XY:
+            raise block.fault("polar coordinates work in the plane of G17", "@^")
         if "X" in words or "Y" in words:
             raise block.fault("polar coordinates stand in for X and Y", "@^")
-        x, y = self.position[:2]
+        x, y = end[:2]
         at_origin = math.hypot(x, y) < RESOLUTION
         if at_origin and (not self.modal.absolute or "^" not in words):
             raise block.fault(

@@ -112,7 +112,7 @@ class Flow:
                     self._run_bulk(self._bulk)
                 else:
                     self._step()
-            if self._calls:
+            if self._calls and not interpreter.ended:
                 name = label_name(self._calls[-1].label)
                 raise Fault(f"the file ends within {name}, without endsub, return or M99")
             if self._percent and not (interpreter.ended or self._closed):
@@ -227,7 +227,13 @@ class Flow:
                 self._next = call.first
             else:
                 self._leave()
-        elif not self._calls:
+        elif self._calls:
+            self._next -= 1  # as above
+            raise Fault(
+                f"M99 ends a subprogram of M98, but {label_name(self._calls[-1].label)} is a "
+                "subroutine; use return or endsub"
+            )
+        else:
             # On a machine the main program would begin again, for ever; here once is enough.
             self._interpreter.end(2)
 

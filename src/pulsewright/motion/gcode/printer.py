@@ -124,7 +124,7 @@ class Printer:
             return
         self._count += 1
         number = f"N{self.number}" if self.number else "N....."
-        self._write(f"{self._count:5d} {number:<6} {self._text(call)}\n")
+        self._write(f"{self._count:5d} {number:<7}{self._text(call)}\n")
 
     def _text(self, call: tuple[object, ...]) -> str:
         if isinstance(call, c.UseLengthUnits):

@@ -78,7 +78,7 @@ class Recorder:
         self._rate = c.SetFeedRate(0.0, 1.0)
         self._per_revolution = False
         self._speed, self._direction = 0.0, 0
-        self._mode, self._tolerance = "CONTINUOUS", 0.0
+        self._continuous = True
         self._pitch = 0.0
         self._take: dict[type, Callable[[Any], None]] = {
             c.StraightFeed: self._straight_feed,
@@ -160,9 +160,12 @@ class Recorder:
         self._feeds.append(self._feed)
 
     def _rigid_tap(self, call: c.RigidTap) -> None:
-        for position in (call.position, call.start):
+        feed = self._feed
+        for position, speed in ((call.position, 1.0), (call.start, call.back)):
+            self._feed = feed * speed
             self._straight_feed(c.StraightFeed(position))
             self._stop()
+        self._feed = feed
 
     def _probe(self, _: c.StraightProbe) -> None:
         raise Fault("where a probe trips is known to the machine alone: G38 cannot be planned")
@@ -211,11 +214,13 @@ class Recorder:
             call.tolerance * self._frame.scale or self._path_tolerance,
         )
         self._tolerances.append((len(self._lines), tolerance))
-        if call.mode != "CONTINUOUS":  # with which its own call comes
+        self._continuous = call.mode == "CONTINUOUS"
+        if not self._continuous:  # with which its own call comes
             self._collapses.append((len(self._lines), 0.0))
 
     def _set_collapse(self, call: c.SetNaivecamTolerance) -> None:
-        self._collapses.append((len(self._lines), call.tolerance * self._frame.scale))
+        if self._continuous:
+            self._collapses.append((len(self._lines), call.tolerance * self._frame.scale))
 
     def _synchronise(self, pitch: float) -> None:
         self._pitch = pitch

@@ -50,6 +50,6 @@ class Modal:
     feed_override: bool = True
     speed_override: bool = True
     adaptive_feed: bool = False
-    feed_hold: bool = False
+    feed_hold: bool = True
     diameter: bool = False
     tool: tuple[float, ...] = (0.0,) * 6

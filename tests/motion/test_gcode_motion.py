@@ -341,6 +341,42 @@ def test_g28_and_g30_return_by_way_of_a_point():
     assert moves("G0 X9\nG1 X8 F60\nG28 X7", **home).rapid.tolist() == [True, False, True, True]
 
 
+# Splines
+
+
+def test_a_rational_spline_is_a_quarter_circle():
+    """Weights 1, 1/sqrt(2), 1 at the corners of a square make one, exactly."""
+    m = moves("F60 G0 X10 Y0\nG5.2 P1 L3\nX10 Y10 P[SQRT[0.5]]\nX0 Y10 P1\nG5.3")
+    assert np.hypot(m.end[1:, 0], m.end[1:, 1]) == pytest.approx(10)
+    assert m.end[-1, :2].tolist() == [0, 10]
+    # of such a chord the middle lies inside by length^2 / 8 / radius
+    chords = np.hypot(*np.diff(m.end[:, :2], axis=0).T)
+    assert chords.max() ** 2 / 80 < 1e-3
+    assert len(m) < 100
+
+
+def test_cubics_and_quadratics_pass_where_their_control_points_say():
+    """In the middle: eighths 1 3 3 1 and quarters 1 2 1 of the control points."""
+    m = moves("F60\nG5 X8 Y8 I0 J4 P4 Q0\nG5 X16 Y16 P-4 Q0\nG0 X0 Y0\nG5.1 X4 Y0 I2 J4")
+    ends = m.end[:, :2]
+
+    def passes(x, y):
+        return np.hypot(ends[:, 0] - x, ends[:, 1] - y).min() < 1e-9
+
+    assert passes((0 + 0 + 36 + 8) / 8, (0 + 12 + 24 + 8) / 8)
+    # the second goes on straight: its first control point is (8 - 4, 8)
+    assert passes((8 + 12 + 36 + 16) / 8, (8 + 24 + 48 + 16) / 8)
+    assert passes((0 + 4 + 4) / 4, (0 + 8 + 0) / 4)
+
+
+def test_order_two_is_straight_lines_and_stops_are_at_the_end_of_a_spline():
+    m = moves("F60 G61.1\nG5.2 X4 Y0 L2\nX4 Y4 P1\nG5.3\nG0 X0 Y4")
+    on = (m.end[:-1, 1] == 0) | (m.end[:-1, 0] == 4)
+    assert on.all()
+    assert (m.tolerance == 0).tolist() == [False] * (len(m) - 2) + [True, True]
+    assert moves("G20 F9 G10 L2 P1 R90\nG5 X1 Y0 I1 J1 P-1 Q1").end[-1, :2].tolist() == [0, 25.4]
+
+
 def test_parameters_in_words_and_position_parameters():
     text = "#1=3\n#<wide>=[#1*2]\nG0 X#1 Y#<wide>\nG91 X#5420\nG20 G90 X[#5420*2]"
     # #5420 is 6 mm in the units in force where it is read, before G20 acts

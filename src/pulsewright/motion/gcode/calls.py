@@ -166,6 +166,19 @@ class ArcFeed(NamedTuple):
     sweep: float
 
 
+class SplineFeed(NamedTuple):
+    """Move along a clamped uniform rational B-spline in X and Y at the feed rate.
+
+    ``points`` are its control points, where it starts the first of them, ``weights`` theirs;
+    ``order`` is 1 more than its degree.
+    """
+
+    points: Sequence[tuple[float, float]]
+    weights: Sequence[float]
+    order: int
+    end: Position
+
+
 class RigidTap(NamedTuple):
     """Go to ``position``, and back to ``start`` ``back`` times as fast, with the spindle."""
 

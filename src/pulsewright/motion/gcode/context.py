@@ -88,6 +88,11 @@ class Context:
         self._unit = (settings.unit,) * 3 + (1.0,) * 3  # of parameters [mm, degrees]
         self._next_tool = 0
         self._tool = 0
+        # The way on from a G5, and where it ended; the spline between G5.2 and G5.3.
+        self._smooth: tuple[tuple[float, float], list[float]] | None = None
+        self._control: list[tuple[float, float]] | None = None
+        self._weights: list[float] = []
+        self._order = 0
         self._series: dict[str, float] = {}  # sticky words of canned cycles
         self._pause = 0.0  # P of the last one that had it: a tap waits for so long
         self._old_depth = 0.0  # before a series of canned cycles

@@ -32,6 +32,7 @@ from pulsewright.motion.gcode.motion_codes import MotionCodes
 from pulsewright.motion.gcode.origin_codes import OriginCodes
 from pulsewright.motion.gcode.reader import Block, Comment, Line
 from pulsewright.motion.gcode.settings import FARTHEST, InterpreterSettings
+from pulsewright.motion.gcode.splines import SplineCodes
 from pulsewright.motion.moves import Plane
 from pulsewright.units import INCH
 
@@ -39,7 +40,8 @@ _CENTER_WORDS: Final = frozenset(CENTERS)
 # Codes that take the axis words, so that there is no motion in their line.
 _USES_AXES: Final = frozenset((100, 280, 300, 520, 920))
 _POLAR: Final = frozenset("@^")
-_NEEDS_AXES: Final = frozenset((330, 331, *PROBES, *CYCLES))
+_NEEDS_AXES: Final = frozenset((50, 51, 330, 331, *PROBES, *CYCLES))
+_ONCE: Final = frozenset((50, 51))  # motion that is no mode
 _USELESS: Final = {
     "D": "D belongs to cutter compensation (G41, G42) and G96",
     "E": "exponents, as in 1e3, are not part of the language",
@@ -49,7 +51,7 @@ _NON_MODAL: Final = Group.NON_MODAL
 _NO_GROUPS: Final[Mapping[Group, int]] = {}
 
 
-class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
+class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes):
     """Carries out one line after the other, as RS274/NGC orders it; see `Context` for its state."""
 
     def __init__(self, settings: InterpreterSettings, canon: c.Canon) -> None:
@@ -88,6 +90,10 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
             **dict.fromkeys(PROBES, self._probe),
             **dict.fromkeys(CYCLES, self._cycle),
             760: self._thread,
+            50: self._cubic,
+            51: self._quadratic,
+            52: self._control_point,
+            53: self._end_spline,
         }
 
     def begin(self) -> None:
@@ -143,6 +149,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
 
     def finish(self, *, percent: bool = False) -> None:
         """Carry out what still waits at the end of the program, and close."""
+        self._check_no_spline()
         self._end_compensation()
         if not self.ended and percent:
             self._emit(c.Finish())
@@ -246,7 +253,8 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
         if motion_now is not None and motion_now != 800:
             if has_axes or motion_now not in (0, 10) or self.modal.feed > 0 or motion_now == 0:
                 self._motions[motion_now](motion_now, block)
-            self.modal.motion = motion_now
+            if motion_now not in _ONCE:
+                self.modal.motion = motion_now if motion_now != 53 else None
         if Group.SUBPROGRAM in groups:
             self.request = ("return",)
         if Group.STOP in groups:
@@ -412,6 +420,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
 
     def end(self, code: int) -> None:
         """End the program; reset what its end resets."""
+        self._check_no_spline()
         self._end_compensation()
         modal = self.modal
         self._use_system(1, shift=False)

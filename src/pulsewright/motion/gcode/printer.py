@@ -78,6 +78,7 @@ _TEXT: Final[dict[type, Callable[[Any], str]]] = {
     c.StraightFeed: lambda call: f"STRAIGHT_FEED({_list(call.position)})",
     c.TapFeed: _tap,
     c.ArcFeed: _arc,
+    c.SplineFeed: lambda call: f"NURBS_FEED({len(call.points)}, ...)",
     c.RigidTap: lambda call: f"RIGID_TAP({_list(call.position[:3])})",
     c.StraightProbe: lambda call: f"STRAIGHT_PROBE({_list(call.position)})",
     c.Probe: lambda call: f"TURN_PROBE_{'ON' if call.on else 'OFF'}()",

@@ -15,10 +15,12 @@ from pulsewright.motion.gcode import calls as c
 from pulsewright.motion.gcode.arcs import RESOLUTION
 from pulsewright.motion.gcode.faults import Fault
 from pulsewright.motion.gcode.offsets import Frame
+from pulsewright.motion.gcode.splines import chords
 from pulsewright.motion.moves import AXES, Event, MoveKind, Moves, Plane, Program
 from pulsewright.units import MINUTE
 
 MANY: Final = 1 << 14  # moves that are kept before they are taken
+SPLINE_ERROR: Final = 1e-3  # of the straight lines that stand for a spline [mm]
 _EVENT_OF_SWITCH: Final = {"MIST": "mist", "FLOOD": "flood"}
 _NOWHERE: Final = (np.nan,) * len(AXES)  # a dwell stays where the move before it ended
 
@@ -85,6 +87,7 @@ class Recorder:
             c.StraightTraverse: self._straight_traverse,
             c.TapFeed: lambda call: self._straight_feed(c.StraightFeed(call.position)),
             c.ArcFeed: self._arc_feed,
+            c.SplineFeed: self._spline_feed,
             c.SetFeedRate: self._set_feed_rate,
             c.RigidTap: self._rigid_tap,
             c.StraightProbe: self._probe,
@@ -158,6 +161,15 @@ class Recorder:
         self._lines.append(self.line)
         self._ends.extend(call.end)
         self._feeds.append(self._feed)
+
+    def _spline_feed(self, call: c.SplineFeed) -> None:
+        ends = chords(call, SPLINE_ERROR / self._frame.scale).tolist()
+        first, stop = len(self._lines), self._tolerances[-1][1] == 0
+        if stop:  # at its end, not at each line
+            self._tolerances.append((first, self._exact_tolerance))
+            self._tolerances.append((first + len(ends) - 1, 0.0))
+        for x, y in ends:
+            self._straight_feed(c.StraightFeed([x, y, *call.end[2:]]))
 
     def _rigid_tap(self, call: c.RigidTap) -> None:
         feed = self._feed

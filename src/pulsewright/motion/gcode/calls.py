@@ -241,9 +241,9 @@ class ChangeToolNumber(NamedTuple):
 
 
 class SetToolTableEntry(NamedTuple):
-    """Change the tool table."""
+    """Change the tool table; ``row`` counts from 1, and 0 is the tool in the spindle."""
 
-    pocket: int
+    row: int
     number: int
     offset: Position
     diameter: float

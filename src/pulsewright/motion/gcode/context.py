@@ -164,7 +164,7 @@ class Context:
 
     def _tool_of(self, number: int, block: Block, letter: str, code: tuple[str, int]) -> Tool:
         """Return a tool that ``letter`` names, or else an earlier line."""
-        if self.tools is None or (number == 0 and number not in self.tools):
+        if self.tools is None or number == 0:
             return Tool(number)
         if number not in self.tools:
             known = ", ".join(map(str, sorted(self.tools)))

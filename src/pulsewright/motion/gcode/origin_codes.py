@@ -153,7 +153,7 @@ class OriginCodes(Context):
             orientation=self._whole(block, "Q", 0, 9) if "Q" in words else tool.orientation,
         )
         self.tools[number] = tool
-        self._say_tool(tool.pocket, tool)
+        self._say_tool(1 + list(self.tools).index(number), tool)
         if number == (self._tool or next(iter(self.tools))):
             self._say_tool(0, tool)  # the spindle; before any change it has the first tool
         if number == self._tool:
@@ -188,11 +188,11 @@ class OriginCodes(Context):
         assert self.tools is not None
         return self.tools[self._whole(block, "P")].offset
 
-    def _say_tool(self, pocket: int, tool: Tool) -> None:
+    def _say_tool(self, row: int, tool: Tool) -> None:
         unit = self.settings.unit
         self._emit(
             c.SetToolTableEntry(
-                pocket,
+                row,
                 tool.number,
                 tuple(v / u for v, u in zip(tool.offset, self._unit, strict=True)),
                 tool.diameter / unit,

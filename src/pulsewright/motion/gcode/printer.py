@@ -51,7 +51,7 @@ def _output(call: c.Output) -> str:
 def _tool(call: c.SetToolTableEntry) -> str:
     offset = _list((*call.offset, 0.0, 0.0, 0.0), " ")
     return (
-        f"SET_TOOL_TABLE_ENTRY({call.pocket}, {call.number}, {offset}, "
+        f"SET_TOOL_TABLE_ENTRY({call.row}, {call.number}, {offset}, "
         f"{call.front_angle:.4f}, {call.back_angle:.4f}, {call.orientation})"
     )
 

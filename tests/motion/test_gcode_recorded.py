@@ -1,7 +1,7 @@
 """Small programs about odd corners of the dialect, with what LinuxCNC 2.9 says to them.
 
-Each ``NAME.txt`` of the folder is the output of ``rs274 -t tools.tbl -g NAME.ngc``; where there is a
-``NAME.tbl``, that is the tool table.
+Each ``NAME.txt`` of the folder is the output of ``rs274 -t tools.tbl -g NAME.ngc``; where there is
+a ``NAME.tbl``, that is the tool table.
 """
 
 from __future__ import annotations

@@ -34,8 +34,8 @@ Read in this order: ``reader`` (text to `Line`) with ``expressions`` and ``param
 (modal groups) and ``calls`` (what comes out: canonical calls); ``interpreter`` (what a line does,
 and in which order) above ``context`` (the state), ``machine_codes``, ``mode_codes``,
 ``origin_codes``, ``motion_codes`` and ``splines``, with their geometry in ``offsets``, ``arcs``,
-``cycles`` and ``compensation``; ``flow`` (which line is next); ``recorder`` (calls to moves) and ``printer``
-(calls to text); ``bulk`` (plain lines past all that).
+``cycles`` and ``compensation``; ``flow`` (which line is next); ``recorder`` (calls to moves) and
+``printer`` (calls to text); ``bulk`` (plain lines past all that).
 """
 
 from pulsewright.motion.gcode.run import canonical, interpret, interpret_text

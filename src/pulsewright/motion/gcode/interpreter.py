@@ -149,6 +149,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
 
     def finish(self, *, percent: bool = False) -> None:
         """Carry out what still waits at the end of the program, and close."""
+        self.canon.number = ""
         self._check_no_spline()
         self._end_compensation()
         if not self.ended and percent:

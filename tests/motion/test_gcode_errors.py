@@ -223,6 +223,7 @@ CASES = [
     (FEED + "G41.1 D2\nG43.1 Z1", 3, 1, "G43.1", "with cutter compensation"),
     (FEED + "G41.1 D2\nG53 G0 X9", 3, 1, "G53", "with cutter compensation"),
     (FEED + "G41.1 D2\nG1 X9\nG40\nG2 X20 I5", 5, 1, "G2", "must be straight"),
+    ("G41.1 D1\nM70\nG40\nM72", 4, 1, "M72", "on again"),
     ("G41.1 D1 L3", 1, 10, "L3", "works in G18"),
     # settings
     ("G4", 1, 1, "G4", "needs its time"),

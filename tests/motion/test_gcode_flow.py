@@ -106,6 +106,14 @@ def test_the_motion_mode_is_not_kept():
     assert moves.rapid.tolist() == [False, True, True]
 
 
+def test_coolant_and_compensation_are_restored():
+    text = "M7\nM70\nM9\nM8\nM72\nF60 G41.1 D2\nG1 X5\nG40\nM70\nG42.1 D2\nG1 X9\nM72\nX12"
+    program = interpret_text(text)
+    on = [(event.line, event.kind, event.value) for event in program.events]
+    assert on[-3:] == [(5, "mist", 0), (5, "flood", 0), (5, "mist", 1)]
+    assert program.moves.end[:, :2].tolist() == [[5, 1], [9, -1], [12, 0]]
+
+
 def test_a_program_may_end_within_a_subroutine():
     assert positions("o1 sub\nG0 X1\nM2\no1 endsub\no1 call\nG0 X2") == [1]
 

@@ -79,7 +79,6 @@ class Context:
 
         self._base = canon
         self._compensation: Compensation | None = None
-        self._compensation_mode = 400
         self._leaving = False  # compensation has ended, and no move led away from it yet
         self._axis = {letter: AXES.index(letter) for letter in settings.axes}
         self._foreign = AXIS_WORDS - set(settings.axes) - {"@", "^"}
@@ -321,7 +320,7 @@ class Context:
             "_LINE": lambda: float(self._base.line),
             "_MOTION_MODE": lambda: float(800 if self.modal.motion is None else self.modal.motion),
             "_PLANE": lambda: float({p: k for k, p in PLANES.items()}[self.modal.plane]),
-            "_CCOMP": lambda: float(self._compensation_mode),
+            "_CCOMP": modal("compensation"),
             "_METRIC": lambda: float(self.modal.scale != INCH),
             "_IMPERIAL": lambda: float(self.modal.scale == INCH),
             "_ABSOLUTE": lambda: float(self.modal.absolute),

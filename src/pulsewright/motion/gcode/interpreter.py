@@ -33,6 +33,7 @@ from pulsewright.motion.gcode.origin_codes import OriginCodes
 from pulsewright.motion.gcode.reader import Block, Comment, Line
 from pulsewright.motion.gcode.settings import FARTHEST, InterpreterSettings
 from pulsewright.motion.gcode.splines import SplineCodes
+from pulsewright.motion.gcode.state import Modal
 from pulsewright.motion.moves import Plane
 from pulsewright.units import INCH
 
@@ -357,26 +358,32 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
         kept, now = self.kept[-1], self.modal
         if kept is None:
             raise Fault("M72 without M70: no modal state has been kept here")
+        if kept.compensation not in (400, now.compensation):
+            raise Fault("M72 cannot switch cutter compensation on again; use G41 or G42")
         blank = Block("")
         if kept.scale != now.scale:
             self._set_units(200 if kept.scale == INCH else 210, blank)
-        if kept.feed_mode != now.feed_mode:
-            self._set_feed_mode(kept.feed_mode)
-        now.feed, now.feed_scale = kept.feed, kept.feed_scale
-        self._emit(c.SetFeedRate(kept.feed, kept.feed_scale))
+        # From here on in the order of the codes of one line, then the other M codes.
         if kept.surface_limit != now.surface_limit:
             now.surface_limit = kept.surface_limit
             self._emit(c.SetSpindleMode(kept.surface_limit))
+        if kept.feed_mode != now.feed_mode:
+            self._set_feed_mode(kept.feed_mode)
+        now.feed, now.feed_scale = kept.feed, kept.feed_scale
+        if kept.feed_mode != 930:
+            self._emit(c.SetFeedRate(kept.feed, kept.feed_scale))
         now.speed = kept.speed
         self._emit(c.SetSpindleSpeed(kept.speed))
-        if kept.spindle != now.spindle:
+        turned = kept.spindle != now.spindle
+        if turned:
             self._set_spindle({1: 3, -1: 4, 0: 5}[kept.spindle], blank)
+        else:
+            self._restore_coolant(kept)
         if kept.plane is not now.plane:
             self._set_plane({plane: code for code, plane in PLANES.items()}[kept.plane], blank)
-        if (kept.mist, kept.flood) != (now.mist, now.flood):
-            self._coolant_off()
-            for coolant in [7] * kept.mist + [8] * kept.flood:
-                self._set_coolant(coolant, blank)
+        self._set_lathe_mode(70 if kept.diameter else 80, blank)
+        if kept.compensation != now.compensation:
+            self._set_compensation(400, blank)
         if kept.tool != now.tool:
             self._use_tool_offset(kept.tool)
         if kept.system != now.system:
@@ -385,15 +392,23 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
         self._say_path_control()
         self._set_distance_mode(900 if kept.absolute else 910, blank)
         self._set_center_mode(901 if kept.absolute_centers else 911, blank)
-        if kept.diameter != now.diameter:
-            self._set_lathe_mode(70 if kept.diameter else 80, blank)
         if kept.retract != now.retract:
             self._set_retract_mode(kept.retract, blank)
+        if turned:
+            self._restore_coolant(kept)
         for name in SWITCHES.values():
             on = getattr(kept, name.lower())
             if on != getattr(now, name.lower()):
                 setattr(now, name.lower(), on)
                 self._emit(c.Switch(name, on))
+
+    def _restore_coolant(self, kept: Modal) -> None:
+        now = self.modal
+        if (now.mist and not kept.mist) or (now.flood and not kept.flood):
+            self._coolant_off()
+        for coolant, on in ((7, kept.mist and not now.mist), (8, kept.flood and not now.flood)):
+            if on:
+                self._set_coolant(coolant, Block(""))
 
     def _jumps(self, block: Block) -> bool:
         """Carry out a line that calls a subprogram or ends one; comments in it mean nothing."""

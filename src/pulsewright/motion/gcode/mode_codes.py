@@ -85,7 +85,7 @@ class ModeCodes(Context):
     def _set_compensation(self, code: int, block: Block) -> None:
         if code == 400:
             self._end_compensation()
-            self._compensation_mode = 400
+            self.modal.compensation = 400
             self._emit(c.Remark("interpreter: cutter radius compensation off"))
             return
         if self._compensation is not None:
@@ -94,7 +94,7 @@ class ModeCodes(Context):
             raise block.fault("cutter compensation works in G17 and G18", "G", code)
         radius, orientation = self._nose(code, block)
         left = (code in (410, 411)) != (radius < 0)
-        self._compensation_mode = 410 if left else 420
+        self.modal.compensation = 410 if left else 420
         self._emit(
             c.Remark(f"interpreter: cutter radius compensation on {'left' if left else 'right'}")
         )

@@ -178,6 +178,7 @@ CASES = [
     ("M3 S1 G33 Z1", 1, 7, "G33", "needs K"),
     ("G76 P1", 1, 1, "G76", "G18"),
     ("M3 S1 G18 G76 P1 Z-5 I-1 J2 K1", 1, 26, "J2", "deeper than the thread"),
+    ("M3 S1 G18 G76 P1 Z-5 I-1 J1 K1 A5", 1, 34, "A5", "G76 moves along Z"),
     ("M66", 1, 1, "M66", "needs a digital pin"),
     ("M66 P1 L3", 1, 1, "M66", "needs Q"),
     ("M62", 1, 1, "M62", "needs P"),

@@ -244,8 +244,8 @@ class MotionCodes(Context):
         self._forbid_compensation(block, "G", 760)
         if modal.plane is not Plane.ZX:
             raise block.fault("G76 works in the plane of G18", "G", 760)
-        if "X" in words or "Y" in words:
-            raise block.fault("G76 moves along Z; X and Y are where the tool is", "XY")
+        if others := set("XYABC") & set(words):
+            raise block.fault("G76 moves along Z; all else is where the tool is", others)
         self._need(block, "ZPIJK", "end, pitch, peak, first cut and depth", "G", 760)
         if not modal.spindle:
             raise block.fault("G76 needs a turning spindle; use M3 or M4", "G", 760)

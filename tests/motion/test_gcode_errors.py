@@ -178,7 +178,7 @@ CASES = [
     ("M3 S1 G33 Z1", 1, 7, "G33", "needs K"),
     ("G76 P1", 1, 1, "G76", "G18"),
     ("M3 S1 G18 G76 P1 Z-5 I-1 J2 K1", 1, 26, "J2", "deeper than the thread"),
-    ("M3 S1 G18 G76 P1 Z-5 I-1 J1 K1 A5", 1, 34, "A5", "G76 moves along Z"),
+    ("M3 S1 G18 G76 P1 Z-5 I-1 J1 K1 Y5", 1, 32, "Y5", "G76 moves along Z"),
     ("M66", 1, 1, "M66", "needs a digital pin"),
     ("M66 P1 L3", 1, 1, "M66", "needs Q"),
     ("M62", 1, 1, "M62", "needs P"),
@@ -224,6 +224,7 @@ CASES = [
     (FEED + "G41.1 D2\nG43.1 Z1", 3, 1, "G43.1", "with cutter compensation"),
     (FEED + "G41.1 D2\nG53 G0 X9", 3, 1, "G53", "with cutter compensation"),
     (FEED + "G41.1 D2\nG1 X9\nG40\nG2 X20 I5", 5, 1, "G2", "must be straight"),
+    (FEED + "G41.1 D2\nG1 X9\nG40\nG5 X20 I5 J0 P-1 Q0", 5, 1, "G5", "must be straight"),
     ("G41.1 D1\nM70\nG40\nM72", 4, 1, "M72", "on again"),
     ("G41.1 D1 L3", 1, 10, "L3", "works in G18"),
     # settings

@@ -21,7 +21,6 @@ STRAIGHT_ON: Final = 0.05  # [rad]; corners of less are passed without an arc
 _SHORT: Final = 1e-9  # relative to the radius: rounding, not motion
 # What is said at once, ahead of the move that waits: it does not matter where the tool then is.
 _AT_ONCE: Final = (c.Message, c.Print, c.Log, c.SelectTool, c.SelectPlane, c.UseLengthUnits)
-_RESTS: Final = (c.ProgramStop, c.PalletShuttle)  # for which the move before has to be done
 
 
 @dataclass
@@ -80,7 +79,6 @@ class Compensation:
         self._tool = self._at  # compensated, once all that waits is done
         self._pending: _Element | None = None
         self.entered = False
-        self._rested = False  # the pending move is done and cannot be shortened
         self._waiting: list[_Waiting] = []
 
     # The canon that the interpreter sees
@@ -98,10 +96,7 @@ class Compensation:
             self._canon.emit(call)
         else:
             self._wait(call)
-            if isinstance(call, _RESTS):
-                self._flush()
-                self._rested = True
-        if self.radius == 0 or self._rested or self._pending is None:
+        if self.radius == 0 or self._pending is None:
             self._flush()  # no move can be shortened
 
     def finish(self) -> None:
@@ -179,14 +174,14 @@ class Compensation:
                 if not new.rapid:  # as LinuxCNC does it, a rapid goes straight to its beginning
                     corner.center, corner.sweep = self._at, inside if self.left else -inside
                 new.start = begin
-            elif inside > STRAIGHT_ON and not self._rested:
+            elif inside > STRAIGHT_ON:
                 self._shorten(old, new, leaving)
         if corner is not None:
             self._wait(corner)
         self._flush()
         self._wait(new)
         self._pending = new
-        self.entered, self._rested = True, False
+        self.entered = True
         self._tool = new.end
 
     def _shorten(self, old: _Element, new: _Element, leaving: complex) -> None:

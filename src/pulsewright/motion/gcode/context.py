@@ -285,6 +285,16 @@ class Context:
     def _refuse_distance(self, block: Block, letter: str) -> None:
         raise block.fault(f"a move of more than {FARTHEST:g} mm or degrees", letter)
 
+    def _check_not_leaving(self, block: Block) -> None:
+        """Check that a curve does not come right behind cutter compensation."""
+        if self._leaving:
+            raise block.fault(
+                "the first move after cutter compensation is from beside the contour; it must be "
+                "straight: G0 or G1",
+                {"G", *AXIS_WORDS},
+                self._motion_code(block),
+            )
+
     def _forbid_compensation(self, block: Block, letter: str, code: int) -> None:
         if self._compensation is not None:
             name = code_name(letter, code)

@@ -255,6 +255,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
         if motion_now is not None and motion_now != 800:
             if has_axes or motion_now not in (0, 10) or self.modal.feed > 0 or motion_now == 0:
                 self._motions[motion_now](motion_now, block)
+                self._leaving = False
             if motion_now not in _ONCE:
                 self.modal.motion = motion_now if motion_now != 53 else None
         if Group.SUBPROGRAM in groups:

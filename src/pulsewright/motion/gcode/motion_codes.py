@@ -36,7 +36,6 @@ class MotionCodes(Context):
 
     def _straight(self, code: int, block: Block) -> None:
         end = self._target(block, machine=530 in block.g)
-        self._leaving = False
         if code == 0:
             self.position = end
             self._emit(c.StraightTraverse(end))
@@ -52,13 +51,7 @@ class MotionCodes(Context):
     def _arc(self, code: int, block: Block) -> None:
         if 530 in block.g:
             raise block.fault("G53 works with G0 and G1 only", "G", 530)
-        if self._leaving:
-            raise block.fault(
-                "the first move after cutter compensation is from beside the contour; it must be "
-                "straight: G0 or G1",
-                {"G", *AXIS_WORDS},
-                self._motion_code(block),
-            )
+        self._check_not_leaving(block)
         modal, words, plane = self.modal, block.words, self.modal.plane
         clockwise = code == 20
         first, second = plane.axes

@@ -232,6 +232,7 @@ class OriginCodes(Context):
         named = not AXIS_WORDS.isdisjoint(block.words)
         if named:
             self.position = self._target(block)
+        self._leaving = False
         self._emit(c.StraightTraverse(self.position.copy()))
         machine, home = self.frame.to_machine(self.position), self._stored(HOME[command])
         for axis in self._wrapped:

@@ -89,6 +89,7 @@ class SplineCodes(Context):
     def _ends_of_spline(self, code: int, block: Block) -> tuple[list[float], list[float]]:
         """Return where a spline starts and where the axis words point."""
         self._forbid_compensation(block, "G", code)
+        self._check_not_leaving(block)
         if self.modal.plane is not Plane.XY:
             raise block.fault(f"{g_name(code)} works in the plane of G17", "G", code)
         if others := set("ZABC") & set(block.words):

@@ -186,6 +186,68 @@ class Writer:
                 self.simple_arc(self.number(2, 12), self.number(0, 6), self.number(0.3, 5))
         self.lines += ["G40", f"G0{self.axes('XY', 1)} Z5"]
 
+    def lathe(self):
+        """A lathe tool's contour, perhaps in diameters; entered along a line."""
+        rng, side, scale = self.rng, self.rng.choice((41, 42)), self.rng.choice((1, 1, 2))
+
+        def straight():
+            return f"X{scale * self.number()} Z{self.number()}"
+
+        self.lines += ["G40 G21 G90 G18", "G7" if scale == 2 else "G8", "F200", f"G0 {straight()}"]
+        diameter = f"D{rng.choice('-+')}{self.number(0.2, 3)} L{rng.randrange(10)}"
+        self.lines += [f"G{side}.1 {diameter}", f"G1 {straight()}"]
+        for _ in range(rng.randrange(2, 7)):
+            kind = rng.random()
+            if kind < 0.6:
+                self.lines.append(f"G{rng.choice((1, 1, 1, 0))} {straight()}")
+            elif kind < 0.8:
+                said = rng.choice(("(c)", "(msg,m)", "M8", "F77", "G4 P1", f"Y{self.number()}"))
+                self.lines.append(said)
+            else:
+                radius, first = self.number(2, 12), self.number(0, 6)
+                clockwise, angle = rng.random() < 0.5, self.number(0.3, 5)
+                turn = first - angle if clockwise else first + angle
+                k, i = -radius * math.cos(first), -radius * math.sin(first)
+                z, x = k + radius * math.cos(turn), i + radius * math.sin(turn)
+                words = f"X{scale * x:.6f} Z{z:.6f} I{i:.6f} K{k:.6f}"
+                self.lines += ["G91", f"G{2 if clockwise else 3} {words}", "G1 G90"]
+        self.lines += ["G40", f"G0 {straight()}"]
+
+    def series(self):
+        """Holes with changes of everything that a series of them keeps."""
+        rng = self.rng
+        self.lines += ["F10 S10 M3", f"G{rng.choice((17, 17, 18, 19))} G9{rng.choice('89')} G90"]
+        plane = self.lines[-1][:3]
+        w, u, v = {"G17": "ZXY", "G18": "YZX", "G19": "XYZ"}[plane]
+        self.lines.append(f"G0 {w}{rng.randrange(-3, 8)}")
+        first = True
+        for _ in range(rng.randrange(2, 9)):
+            if rng.random() < 0.15:
+                self.lines.append(rng.choice((f"G0 {w}{rng.randrange(-3, 8)}", "G80")))
+                first = True
+                continue
+            line = rng.choice(("", "", "", "G90 ", "G91 ", "G98 ", "G99 "))
+            bottom, retract = rng.randrange(-6, 2), rng.randrange(1, 5)
+            if first or rng.random() < 0.3:
+                code, extra = rng.choice(((81, ""), (82, "P1 "), (83, "Q.7 "), (73, "Q1 ")))
+                line += f"G{code} {w}{bottom} R{retract} {extra}"
+                first = False
+            elif rng.random() < 0.5:
+                line += rng.choice((f"R{retract} ", f"{w}{bottom} "))
+            self.lines.append(f"{line}{u}{rng.randrange(9)} {v}{rng.randrange(9)}")
+            self.lines[-1] += rng.choice(("", "", f" L{rng.randrange(1, 4)}"))
+
+    def spline(self):
+        x, y, i, j, p, q = (self.number() for _ in range(6))
+        points = [f"X{self.number()} Y{self.number()} P{self.number(0.1, 3)}" for _ in range(4)]
+        self.lines += self.rng.choice(
+            [
+                [f"G5 X{x} Y{y} I{i} J{j} P{p} Q{q}", f"G5 X{y} Y{x} P{q} Q{p}"],
+                [f"G5.1 X{x} Y{y} I{i} J{j}"],
+                [f"G5.2 {points[0]} L{self.rng.randrange(2, 5)}", *points[1:], "G5.3", "G0"],
+            ]
+        )
+
     def simple_arc(self, radius, first, angle):
         clockwise = self.rng.random() < 0.5
         turn = first - angle if clockwise else first + angle
@@ -373,6 +435,14 @@ def test_random_tools_have_the_same_canonical_calls(compare, seed):
 @pytest.mark.parametrize("seed", rounds())
 def test_random_contours_are_compensated_alike(compare, seed):
     text = Writer(seed).program(["compensation"], 1)
+    assert compare(text) is None, text
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("part", ["lathe", "series", "spline"])
+@pytest.mark.parametrize("seed", rounds())
+def test_random_programs_of_one_kind_have_the_same_canonical_calls(compare, seed, part):
+    text = Writer(seed).program([part], 1 + 2 * (part == "spline"))
     assert compare(text) is None, text
 
 

@@ -100,6 +100,24 @@ def test_m73_restores_the_state_of_the_caller():
     assert positions(text) == [1, 9, 10]
 
 
+def test_the_motion_mode_is_not_kept():
+    """The manual of LinuxCNC says so of M70, and of M73 as it works alike."""
+    moves = interpret_text("F60\nG1 X1\nM70\nG0 X2\nM72\nX3").moves
+    assert moves.rapid.tolist() == [False, True, True]
+
+
+def test_coolant_and_compensation_are_restored():
+    text = "M7\nM70\nM9\nM8\nM72\nF60 G41.1 D2\nG1 X5\nG40\nM70\nG42.1 D2\nG1 X9\nM72\nX12"
+    program = interpret_text(text)
+    on = [(event.line, event.kind, event.value) for event in program.events]
+    assert on[-3:] == [(5, "mist", 0), (5, "flood", 0), (5, "mist", 1)]
+    assert program.moves.end[:, :2].tolist() == [[5, 1], [9, -1], [12, 0]]
+
+
+def test_a_program_may_end_within_a_subroutine():
+    assert positions("o1 sub\nG0 X1\nM2\no1 endsub\no1 call\nG0 X2") == [1]
+
+
 def test_subroutines_may_be_files(tmp_path):
     library = tmp_path / "library"
     library.mkdir()
@@ -233,6 +251,11 @@ def test_motion_with_the_spindle_has_its_pitch():
     assert moves.tolerance[2] == moves.tolerance[3] == 0  # the tap turns around
 
 
+def test_a_tap_goes_back_as_fast_as_asked():
+    moves = interpret_text("S120 M3\nG33.1 Z-3 K.5 I2\nG33 X1 K.5").moves
+    assert moves.feed.tolist() == [1, 2, 1]  # 2 turns per second
+
+
 def test_feed_per_revolution_follows_the_speed():
     moves = interpret_text("S60 G95 F.5\nG1 X1\nS120\nX2\nG94 F30\nX3").moves
     assert moves.feed.tolist() == [0.5, 1, 0.5]
@@ -243,6 +266,11 @@ def test_short_segments_may_collapse_within_q():
         "G0 X1\nG64 P.1\nX2\nG64 P.1 Q.02\nX3\nG20 G64 P.1 Q.1\nX4\nG61\nX5"
     ).moves
     assert moves.collapse.tolist() == pytest.approx([0, 0.1, 0.02, 2.54, 0])
+
+
+def test_exact_stop_keeps_q_for_later_and_collapses_nothing():
+    text = "F60 G64 P.1 Q.02\nG1 X1\nG61.1 X2\nG81 X3 Z0 R0\nG0 X4"
+    assert set(interpret_text(text).moves.collapse[1:]) == {0}
 
 
 def test_cutter_compensation_and_cycles_reach_the_machine():
@@ -264,6 +292,17 @@ def test_a_compensated_rapid_goes_straight_over_an_outside_corner():
     moves = interpret_text("F60\nG42.1 D2\nG1 X5\nG0 Y5\nG1 X0").moves
     assert moves.end[:, :2].tolist() == [[5, -1], [6, 0], [6, 5], [5, 6], [0, 6]]
     assert moves.sweep.tolist() == [0, 0, 0, pytest.approx(math.pi / 2), 0]
+
+
+def test_the_point_of_a_lathe_tool_keeps_off_a_corner():
+    """Left of X+ is Z-; the nose is 1 there, and 1 before Z-: its point is 1 off it along both."""
+    moves = interpret_text("F60 G18\nG0 Z9\nG41.1 D2 L3\nG1 X5\nZ0").moves
+    assert moves.end[1:, [0, 2]].tolist() == [[5, 7], [5, -1]]
+
+
+def test_after_compensation_the_tool_leaves_along_a_line():
+    text = "F60\nG41.1 D2\nG1 X5\nY5\nG40\nG1 X9\nG2 X11 I1"
+    assert interpret_text(text).moves.end[2:, :2].tolist() == [[9, 5], [11, 5]]
 
 
 def test_straight_back_after_an_arc_that_curves_away_from_the_tool():

@@ -165,8 +165,12 @@ def test_deleted_lines_say_so(parameters):
     [
         ("G0 (MSG, Mind the ; gap ) X1", "msg", " Mind the ; gap "),
         ("(debug,#1)", "debug", "#1"),
-        ("( print ,a,b)", "print", "a,b"),
+        ("( print,a,b)", "print", "a,b"),
         ("(logopen,a.txt)", "logopen", "a.txt"),
+        ("(debug ,a)", "comment", "debug ,a"),
+        ("(msg a)", "comment", "msg a"),
+        ("(logclose)", "logclose", ""),
+        ("(logclose )", "comment", "logclose "),
         ("( plain )", "comment", "plain "),
         ("(message, x)", "comment", "message, x"),
         ("(msg,first)(second) ; (third)", "comment", "second"),  # the last alone counts

@@ -166,11 +166,25 @@ class ArcFeed(NamedTuple):
     sweep: float
 
 
+class SplineFeed(NamedTuple):
+    """Move along a clamped uniform rational B-spline in X and Y at the feed rate.
+
+    ``points`` are its control points, where it starts the first of them, ``weights`` theirs;
+    ``order`` is 1 more than its degree.
+    """
+
+    points: Sequence[tuple[float, float]]
+    weights: Sequence[float]
+    order: int
+    end: Position
+
+
 class RigidTap(NamedTuple):
-    """Go to ``position`` and back to ``start`` with the spindle."""
+    """Go to ``position``, and back to ``start`` ``back`` times as fast, with the spindle."""
 
     position: Position
     start: Position
+    back: float = 1.0
 
 
 class StraightProbe(NamedTuple):
@@ -227,9 +241,9 @@ class ChangeToolNumber(NamedTuple):
 
 
 class SetToolTableEntry(NamedTuple):
-    """Change the tool table."""
+    """Change the tool table; ``row`` counts from 1, and 0 is the tool in the spindle."""
 
-    pocket: int
+    row: int
     number: int
     offset: Position
     diameter: float

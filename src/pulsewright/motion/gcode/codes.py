@@ -30,23 +30,27 @@ class Group(IntEnum):
     COOLANT = 16
     OVERRIDES = 17
     LATHE = 18
-    TOOL_NUMBER = 19
-    PINS = 20
-    STATE = 21
-    SUBPROGRAM = 22
-    SWITCHES = 23
+    PINS = 19
+    STATE = 20
+    SUBPROGRAM = 21
+    SHIFT_ENDS = 22
 
 
 CYCLES: Final = frozenset((730, 740, 810, 820, 830, 840, 850, 860, 870, 880, 890))
 ARCS: Final = frozenset((20, 30))
 PROBES: Final = frozenset((382, 383, 384, 385))
+SPLINES: Final = frozenset((50, 51, 52, 53))
 
 # G codes are keyed by ten times their number: G61.1 is 611.
 G_GROUPS: Final[dict[int, Group]] = {
     code: group
     for group, codes in {
-        Group.NON_MODAL: (40, 100, 280, 281, 300, 301, 520, 530, 920, 921, 922, 923),
-        Group.MOTION: (0, 10, 20, 30, 330, 331, *sorted(PROBES), 760, 800, *sorted(CYCLES)),
+        Group.NON_MODAL: (40, 100, 280, 281, 300, 301, 520, 530, 920),
+        Group.SHIFT_ENDS: (921, 922, 923),
+        Group.MOTION: (
+            *(0, 10, 20, 30, *sorted(SPLINES), 330, 331),
+            *(*sorted(PROBES), 760, 800, *sorted(CYCLES)),
+        ),
         Group.PLANE: (170, 180, 190),
         Group.DISTANCE: (900, 910),
         Group.CENTER_DISTANCE: (901, 911),
@@ -67,12 +71,10 @@ M_GROUPS: Final[dict[int, Group]] = {
     code: group
     for group, codes in {
         Group.STOP: (0, 1, 2, 30, 60),
-        Group.TOOL_CHANGE: (6,),
-        Group.TOOL_NUMBER: (61,),
+        Group.TOOL_CHANGE: (6, 61),
         Group.SPINDLE: (3, 4, 5, 19),
         Group.COOLANT: (7, 8, 9),
-        Group.OVERRIDES: (48, 49),
-        Group.SWITCHES: (50, 51, 52, 53),
+        Group.OVERRIDES: (48, 49, 50, 51, 52, 53),
         Group.PINS: (62, 63, 64, 65, 66, 67, 68),
         Group.STATE: (70, 71, 72, 73),
         Group.SUBPROGRAM: (98, 99),
@@ -82,7 +84,6 @@ M_GROUPS: Final[dict[int, Group]] = {
 
 #: Codes of the full dialect that are refused, with what they are.
 G_REFUSED: Final[dict[int, str]] = {
-    **dict.fromkeys((50, 51, 52, 53), "splines"),
     **dict.fromkeys((171, 181, 191), "planes of U, V, W"),
     **dict.fromkeys((700, 710, 711, 712, 720, 721, 722), "lathe cycles"),
 }
@@ -93,17 +94,18 @@ M_REFUSED: Final[dict[int, str]] = dict.fromkeys(range(100, 200), "user-defined 
 USERS: Final[dict[str, tuple[frozenset[int], frozenset[int]]]] = {
     letter: (frozenset(g), frozenset(m))
     for letter, g, m in (
-        ("I", (20, 30, 100, 430, 431, 760, 870), ()),
-        ("J", (20, 30, 100, 430, 431, 760, 870), ()),
-        ("K", (20, 30, 330, 331, 430, 431, 760, 870), ()),
+        ("I", (20, 30, 50, 51, 100, 331, 760, 870), ()),
+        ("J", (20, 30, 50, 51, 100, 760, 870), ()),
+        ("K", (20, 30, 330, 331, 760, 870), ()),
         ("R", (20, 30, 100, 760, *CYCLES), (19,)),
-        ("P", (20, 30, 40, 100, 640, 740, 760, 820, 840, 860, 880, 890), (
+        ("P", (20, 30, 40, 50, 52, 100, 640, 740, 760, 820, 840, 860, 880, 890), (
             19, 50, 51, 52, 53, 62, 63, 64, 65, 66, 98)),
-        ("Q", (100, 640, 730, 760, 830), (19, 61, 66, 67, 68)),
-        ("L", (100, 411, 421, 760, *CYCLES), (66, 98)),
+        ("Q", (50, 100, 640, 730, 760, 830), (19, 61, 66, 67, 68)),
+        ("L", (52, 100, 410, 411, 420, 421, 760, *CYCLES), (66, 98)),
         ("H", (430, 432, 760), ()),
         ("D", (410, 411, 420, 421, 960), ()),
         ("E", (760,), (66, 67, 68)),
+        ("$", (330, 331, 760, 950, 960, 970), (3, 4, 5, 19, 51)),
     )
 }  # fmt: skip
 

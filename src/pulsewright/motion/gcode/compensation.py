@@ -19,6 +19,8 @@ from pulsewright.motion.moves import Plane
 
 STRAIGHT_ON: Final = 0.05  # [rad]; corners of less are passed without an arc
 _SHORT: Final = 1e-9  # relative to the radius: rounding, not motion
+# What is said at once, ahead of the move that waits: it does not matter where the tool then is.
+_AT_ONCE: Final = (c.Message, c.Print, c.Log, c.SelectTool, c.SelectPlane, c.UseLengthUnits)
 
 
 @dataclass
@@ -34,7 +36,7 @@ class _Element:
     sweep: float = 0.0  # [rad] as programmed, or nearly
 
 
-_Waiting = tuple[int, str, "tuple[object, ...] | _Element"]
+_Waiting = tuple[int, "tuple[object, ...] | _Element"]
 
 
 class Compensation:
@@ -52,34 +54,50 @@ class Compensation:
         Of the tool [program units], 0 or more.
     position : (6,) floats
         Where the tool is, in program coordinates.
+    tip : complex
+        From the centre of the tool to the point that is programmed, in the plane; of lathe tools.
     """
 
     def __init__(
-        self, canon: c.Canon, plane: Plane, *, left: bool, radius: float, position: c.Position
+        self,
+        canon: c.Canon,
+        plane: Plane,
+        *,
+        left: bool,
+        radius: float,
+        position: c.Position,
+        tip: complex = 0j,
     ) -> None:
         self.line, self.number = canon.line, canon.number
         self.plane, self.left, self.radius = plane, left, radius
         self._canon = canon
+        self._tip = tip
         self._first, self._second = plane.axes
         self._normal = 1j if left else -1j
-        self._at = self._point(position)  # programmed
+        self._before = list(position)  # programmed
+        self._at = self._point(position)
         self._tool = self._at  # compensated, once all that waits is done
         self._pending: _Element | None = None
-        self._entered = False
+        self.entered = False
         self._waiting: list[_Waiting] = []
 
     # The canon that the interpreter sees
 
     def emit(self, call: tuple[object, ...]) -> None:
         """Take a call: motion is compensated, all else keeps its place between."""
-        if isinstance(call, c.StraightFeed):
-            self._straight(call.position, rapid=False)
-        elif isinstance(call, c.StraightTraverse):
-            self._straight(call.position, rapid=True)
+        if isinstance(call, c.StraightFeed | c.StraightTraverse):
+            self._straight(call.position, rapid=isinstance(call, c.StraightTraverse))
+            self._before = list(call.position)
         elif isinstance(call, c.ArcFeed):
             self._arc(call)
+            self._before = list(call.end)
+        elif isinstance(call, _AT_ONCE):
+            self._canon.line, self._canon.number = self.line, self.number
+            self._canon.emit(call)
         else:
             self._wait(call)
+        if self.radius == 0 or self._pending is None:
+            self._flush()  # no move can be shortened
 
     def finish(self) -> None:
         """Carry out all that waits."""
@@ -91,16 +109,12 @@ class Compensation:
     def _straight(self, position: c.Position, *, rapid: bool) -> None:
         end = self._point(position)
         length = abs(end - self._at)
+        self._check_entry(length)
         if length <= _SHORT * max(1.0, self.radius):
             # Motion beside the plane: at the place where the tool then is.
             self._wait(_Element(self._tool, self._tool, 0j, list(position), rapid))
             return
         direction = (end - self._at) / length
-        if not self._entered and length < self.radius:
-            raise Fault(
-                f"the first move with cutter compensation is {length:.4g} long; it must be longer "
-                f"than the tool's radius, {self.radius:.4g}"
-            )
         target = end + self.radius * self._normal * direction
         self._join(_Element(self._tool, target, direction, list(position), rapid), direction)
         self._at = end
@@ -109,11 +123,19 @@ class Compensation:
         if call.plane is not self.plane:
             raise Fault("arcs in another plane cannot be compensated; use G40 first")
         start, end, center = self._at, self._point(call.end), complex(*call.center)
+        self._check_entry(abs(end - start))
         turn = 1j if call.sweep > 0 else -1j
         arriving = turn * (end - center) / abs(end - center)
         leaving = turn * (start - center) / abs(start - center)
         target = end + self.radius * self._normal * arriving
-        if not self._entered:
+        programmed = abs(end - center)
+        outward = ((target - end) / (end - center)).real * programmed
+        if programmed + outward <= _SHORT * self.radius:
+            raise Fault(
+                f"the arc's radius of {programmed:.4g} is too small for the tool's radius of "
+                f"{self.radius:.4g}: it would gouge"
+            )
+        if not self.entered:
             # The entry starts at the tool's centre and arrives along the contour.
             radial = (target - center) / abs(target - center)
             chord = target - self._tool
@@ -121,17 +143,17 @@ class Compensation:
             if abs(along) <= _SHORT * abs(chord):
                 raise Fault("cutter compensation cannot begin on this arc; enter along a line")
             center = target - radial * abs(chord) ** 2 / along
-        else:
-            programmed = abs(end - center)
-            outward = ((target - end) / (end - center)).real * programmed
-            if programmed + outward <= _SHORT * self.radius:
-                raise Fault(
-                    f"the arc's radius of {programmed:.4g} is too small for the tool's radius of "
-                    f"{self.radius:.4g}: it would gouge"
-                )
         element = _Element(self._tool, target, arriving, list(call.end), False, center, call.sweep)
         self._join(element, leaving)
         self._at = end
+
+    def _check_entry(self, length: float) -> None:
+        """Check that the first move is long enough; ``length`` is from its start to its end."""
+        if not self.entered and 0 < self.radius >= length:
+            raise Fault(
+                f"the first move with cutter compensation is {length:.4g} long; it must be longer "
+                f"than the tool's radius, {self.radius:.4g}"
+            )
 
     def _join(self, new: _Element, leaving: complex) -> None:
         """Let a move follow the pending one: over an outside corner, or into an inside corner."""
@@ -148,18 +170,18 @@ class Compensation:
                 inside = abs(angle) if crosses else inside - math.tau * (inside > 0)
             if inside < -STRAIGHT_ON:
                 begin = self._at + self.radius * self._normal * leaving
-                corner = _Element(old.end, begin, leaving, old.position.copy(), new.rapid)
+                corner = _Element(old.end, begin, leaving, self._before, new.rapid)
                 if not new.rapid:  # as LinuxCNC does it, a rapid goes straight to its beginning
                     corner.center, corner.sweep = self._at, inside if self.left else -inside
                 new.start = begin
             elif inside > STRAIGHT_ON:
                 self._shorten(old, new, leaving)
-        self._flush()
         if corner is not None:
             self._wait(corner)
+        self._flush()
         self._wait(new)
         self._pending = new
-        self._entered = True
+        self.entered = True
         self._tool = new.end
 
     def _shorten(self, old: _Element, new: _Element, leaving: complex) -> None:
@@ -180,7 +202,7 @@ class Compensation:
                     "a move is too short for the tool to go from one inside corner to the next: "
                     "it would gouge"
                 )
-        for _, _, waiting in self._waiting:
+        for _, waiting in self._waiting:
             if isinstance(waiting, _Element) and waiting is not old and waiting.direction == 0:
                 waiting.start = waiting.end = meet
         old.end = new.start = self._tool = meet
@@ -188,21 +210,22 @@ class Compensation:
     # What waits
 
     def _wait(self, call: tuple[object, ...] | _Element) -> None:
-        self._waiting.append((self.line, self.number, call))
+        self._waiting.append((self.line, call))
 
     def _flush(self) -> None:
-        for line, number, waiting in self._waiting:
-            self._canon.line, self._canon.number = line, number
+        self._canon.number = self.number  # as LinuxCNC gives it, that of the line that lets them go
+        for line, waiting in self._waiting:
+            self._canon.line = line
             call = self._call(waiting) if isinstance(waiting, _Element) else waiting
             self._canon.emit(call)
         self._waiting.clear()
 
     def _call(self, element: _Element) -> tuple[object, ...]:
-        position = self._position(element.position, element.end)
+        position = self._position(element.position, element.end + self._tip)
         if element.center is None:
             return c.StraightTraverse(position) if element.rapid else c.StraightFeed(position)
         sweep = _sweep(element.start, element.end, element.center, element.sweep)
-        center = element.center.real, element.center.imag
+        center = element.center.real + self._tip.real, element.center.imag + self._tip.imag
         turns = math.copysign(max(1, math.ceil(abs(sweep) / math.tau - 1e-9)), sweep)
         return c.ArcFeed(self.plane, position, center, int(turns), sweep)
 

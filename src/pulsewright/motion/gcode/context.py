@@ -33,7 +33,7 @@ from pulsewright.motion.gcode.reader import Block
 from pulsewright.motion.gcode.settings import FARTHEST, SYSTEMS, InterpreterSettings
 from pulsewright.motion.gcode.state import Modal
 from pulsewright.motion.gcode.tools import Tool
-from pulsewright.motion.moves import AXES
+from pulsewright.motion.moves import AXES, Plane
 from pulsewright.units import INCH
 
 SLOWEST: Final = 0.1  # [length units or degrees per minute] that inverse time asks for
@@ -79,7 +79,7 @@ class Context:
 
         self._base = canon
         self._compensation: Compensation | None = None
-        self._compensation_mode = 400
+        self._leaving = False  # compensation has ended, and no move led away from it yet
         self._axis = {letter: AXES.index(letter) for letter in settings.axes}
         self._foreign = AXIS_WORDS - set(settings.axes) - {"@", "^"}
         self._wrapped = frozenset(AXES.index(letter) for letter in settings.wrapped)
@@ -87,6 +87,11 @@ class Context:
         self._unit = (settings.unit,) * 3 + (1.0,) * 3  # of parameters [mm, degrees]
         self._next_tool = 0
         self._tool = 0
+        # The way on from a G5, and where it ended; the spline between G5.2 and G5.3.
+        self._smooth: tuple[tuple[float, float], list[float]] | None = None
+        self._control: list[tuple[float, float]] | None = None
+        self._weights: list[float] = []
+        self._order = 0
         self._series: dict[str, float] = {}  # sticky words of canned cycles
         self._pause = 0.0  # P of the last one that had it: a tap waits for so long
         self._old_depth = 0.0  # before a series of canned cycles
@@ -158,7 +163,7 @@ class Context:
 
     def _tool_of(self, number: int, block: Block, letter: str, code: tuple[str, int]) -> Tool:
         """Return a tool that ``letter`` names, or else an earlier line."""
-        if self.tools is None or (number == 0 and number not in self.tools):
+        if self.tools is None or number == 0:
             return Tool(number)
         if number not in self.tools:
             known = ", ".join(map(str, sorted(self.tools)))
@@ -199,6 +204,8 @@ class Context:
         if machine:
             if not self.modal.absolute:
                 raise block.fault("G53 needs absolute distances; use G90", "G", 530)
+            if not {"@", "^"}.isdisjoint(block.words):
+                raise block.fault("polar coordinates do not work with G53", "@^")
             end = self.frame.to_machine(self.position)
             scales = self._scales()
             for axis, value in named:
@@ -230,11 +237,13 @@ class Context:
         return turned(value, here)
 
     def _polar(self, block: Block, end: list[float]) -> None:
-        """Set X and Y from polar coordinates about the origin."""
+        """Move X and Y of ``end`` by polar coordinates about the origin."""
         words = block.words
+        if self.modal.plane is not Plane.XY:
+            raise block.fault("polar coordinates work in the plane of G17", "@^")
         if "X" in words or "Y" in words:
             raise block.fault("polar coordinates stand in for X and Y", "@^")
-        x, y = self.position[:2]
+        x, y = end[:2]
         at_origin = math.hypot(x, y) < RESOLUTION
         if at_origin and (not self.modal.absolute or "^" not in words):
             raise block.fault(
@@ -276,6 +285,16 @@ class Context:
     def _refuse_distance(self, block: Block, letter: str) -> None:
         raise block.fault(f"a move of more than {FARTHEST:g} mm or degrees", letter)
 
+    def _check_not_leaving(self, block: Block) -> None:
+        """Check that a curve does not come right behind cutter compensation."""
+        if self._leaving:
+            raise block.fault(
+                "the first move after cutter compensation is from beside the contour; it must be "
+                "straight: G0 or G1",
+                {"G", *AXIS_WORDS},
+                self._motion_code(block),
+            )
+
     def _forbid_compensation(self, block: Block, letter: str, code: int) -> None:
         if self._compensation is not None:
             name = code_name(letter, code)
@@ -311,7 +330,7 @@ class Context:
             "_LINE": lambda: float(self._base.line),
             "_MOTION_MODE": lambda: float(800 if self.modal.motion is None else self.modal.motion),
             "_PLANE": lambda: float({p: k for k, p in PLANES.items()}[self.modal.plane]),
-            "_CCOMP": lambda: float(self._compensation_mode),
+            "_CCOMP": modal("compensation"),
             "_METRIC": lambda: float(self.modal.scale != INCH),
             "_IMPERIAL": lambda: float(self.modal.scale == INCH),
             "_ABSOLUTE": lambda: float(self.modal.absolute),

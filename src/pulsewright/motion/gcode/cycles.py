@@ -244,7 +244,7 @@ class Thread:
         drive, tangent = start[0], math.tan(math.radians(self.angle))
         cut = drive + self.peak + outside * depth
         tapered = cut - outside * self.depth
-        toward = -1.0 if end < start[2] else 1.0
+        toward = -1.0 if end <= start[2] else 1.0
         first = start[2] + toward * depth * tangent
         last = end - toward * (self.depth - depth) * tangent
         slope = math.hypot(self.depth, self.taper) / self.taper if self.taper else 1.0

@@ -30,8 +30,8 @@ class _Call:
     label: Label
     source: Source  # of the caller
     next: int  # line of the caller to go on with
-    local: dict[str, float] | None = None  # None for M98, which shares its caller's parameters
-    numbered: list[float] = field(default_factory=list)
+    local: dict[str, float]
+    numbered: list[float] | None = None  # None for M98, which shares those of its caller
     repeat: int = 0  # times that M98 is still to come
     first: int = 0  # its own first line
     counts: dict[int, int] = field(default_factory=dict)  # left of repeat loops, by their heads
@@ -112,7 +112,7 @@ class Flow:
                     self._run_bulk(self._bulk)
                 else:
                     self._step()
-            if self._calls:
+            if self._calls and not interpreter.ended:
                 name = label_name(self._calls[-1].label)
                 raise Fault(f"the file ends within {name}, without endsub, return or M99")
             if self._percent and not (interpreter.ended or self._closed):
@@ -220,14 +220,21 @@ class Flow:
             assert isinstance(repeat, int)
             self._next -= 1  # faults are about this line
             self._call_program(label, repeat)
-        elif self._calls and self._calls[-1].local is None:
+        elif self._calls and self._calls[-1].numbered is None:
             call = self._calls[-1]
             if call.repeat > 0:
                 call.repeat -= 1
+                self._interpreter.parameters.local = {}
                 self._next = call.first
             else:
                 self._leave()
-        elif not self._calls:
+        elif self._calls:
+            self._next -= 1  # as above
+            raise Fault(
+                f"M99 ends a subprogram of M98, but {label_name(self._calls[-1].label)} is a "
+                "subroutine; use return or endsub"
+            )
+        else:
             # On a machine the main program would begin again, for ever; here once is enough.
             self._interpreter.end(2)
 
@@ -396,7 +403,7 @@ class Flow:
         )
 
     def _return(self, word: OWord, i: int) -> int:
-        if not self._calls or self._calls[-1].local is None:
+        if not self._calls or self._calls[-1].numbered is None:
             word.span.fail(f"{word.name} {word.keyword.lower()} outside of a running subroutine")
         value = self._value_of(word) if word.values else None
         self._leave()
@@ -411,8 +418,8 @@ class Flow:
         interpreter.kept.pop()
         interpreter.restore_on_return.pop()
         self._calls.pop()
-        if call.local is not None:
-            interpreter.parameters.local = call.local
+        interpreter.parameters.local = call.local
+        if call.numbered is not None:
             interpreter.parameters.numbered[1 : LOCALS + 1] = call.numbered
         self._source, self._next = call.source, call.next
 
@@ -428,5 +435,9 @@ class Flow:
         if repeat == 0:
             self._next += 1
             return
-        self._enter(_Call(label, caller, self._next + 1, repeat=repeat - 1, first=first))
+        parameters = self._interpreter.parameters
+        self._enter(
+            _Call(label, caller, self._next + 1, parameters.local, repeat=repeat - 1, first=first)
+        )
+        parameters.local = {}
         self._source, self._next = source, first

@@ -32,12 +32,17 @@ from pulsewright.motion.gcode.motion_codes import MotionCodes
 from pulsewright.motion.gcode.origin_codes import OriginCodes
 from pulsewright.motion.gcode.reader import Block, Comment, Line
 from pulsewright.motion.gcode.settings import FARTHEST, InterpreterSettings
+from pulsewright.motion.gcode.splines import SplineCodes
+from pulsewright.motion.gcode.state import Modal
 from pulsewright.motion.moves import Plane
 from pulsewright.units import INCH
 
 _CENTER_WORDS: Final = frozenset(CENTERS)
 # Codes that take the axis words, so that there is no motion in their line.
 _USES_AXES: Final = frozenset((100, 280, 300, 520, 920))
+_POLAR: Final = frozenset("@^")
+_NEEDS_AXES: Final = frozenset((50, 51, 330, 331, *PROBES, *CYCLES))
+_ONCE: Final = frozenset((50, 51))  # motion that is no mode
 _USELESS: Final = {
     "D": "D belongs to cutter compensation (G41, G42) and G96",
     "E": "exponents, as in 1e3, are not part of the language",
@@ -47,24 +52,22 @@ _NON_MODAL: Final = Group.NON_MODAL
 _NO_GROUPS: Final[Mapping[Group, int]] = {}
 
 
-class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
+class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes):
     """Carries out one line after the other, as RS274/NGC orders it; see `Context` for its state."""
 
     def __init__(self, settings: InterpreterSettings, canon: c.Canon) -> None:
         super().__init__(settings, canon)
         self._steps: tuple[tuple[Group, Callable[[int, Block], None]], ...] = (
+            (Group.PINS, self._set_pin),
             (Group.TOOL_CHANGE, self._change_tool),
-            (Group.TOOL_NUMBER, self._name_tool),
             (Group.SPINDLE, self._set_spindle),
             (Group.STATE, self._keep_state),
             (Group.COOLANT, self._set_coolant),
             (Group.OVERRIDES, self._set_overrides),
-            (Group.SWITCHES, self._set_switch),
-            (Group.PINS, self._set_pin),
             (Group.NON_MODAL, self._dwell),
             (Group.PLANE, self._set_plane),
-            (Group.LATHE, self._set_lathe_mode),
             (Group.UNITS, self._set_units),
+            (Group.LATHE, self._set_lathe_mode),
             (Group.CUTTER_COMPENSATION, self._set_compensation),
             (Group.TOOL_LENGTH, self._set_tool_length),
             (Group.COORDINATES, self._set_system),
@@ -79,7 +82,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
             300: self._go_home,
             281: self._store_home,
             301: self._store_home,
-            **dict.fromkeys((520, 920, 921, 922, 923), self._shift),
+            **dict.fromkeys((520, 920), self._shift),
         }
         self._motions: dict[int, Callable[[int, Block], None]] = {
             **dict.fromkeys((0, 10), self._straight),
@@ -88,6 +91,10 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
             **dict.fromkeys(PROBES, self._probe),
             **dict.fromkeys(CYCLES, self._cycle),
             760: self._thread,
+            50: self._cubic,
+            51: self._quadratic,
+            52: self._control_point,
+            53: self._end_spline,
         }
 
     def begin(self) -> None:
@@ -112,6 +119,8 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
         """
         self.canon.number = line.number
         block = line.constant or line.block(self.parameters)
+        if block.m and self._jumps(block):
+            return
         if line.settings:
             line.set_parameters(self.parameters)
         if line.comment is not None:
@@ -125,6 +134,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
                 and len(block.g) < 2
                 and not block.m
                 and not modal.diameter
+                and not self._leaving
                 and self._plain.issuperset(block.words)
             ):
                 self._plain_move(code, block)
@@ -135,10 +145,13 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
     def plain(self) -> bool:
         """Whether G0 and G1 with axis words mean just that."""
         modal = self.modal
-        return self._compensation is None and modal.feed_mode == 940 and not modal.diameter
+        calm = self._compensation is None and not self._leaving
+        return calm and modal.feed_mode == 940 and not modal.diameter
 
     def finish(self, *, percent: bool = False) -> None:
         """Carry out what still waits at the end of the program, and close."""
+        self.canon.number = ""
+        self._check_no_spline()
         self._end_compensation()
         if not self.ended and percent:
             self._emit(c.Finish())
@@ -180,8 +193,10 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
         if has_axes and not self._foreign.isdisjoint(words):
             axes = " ".join(self.settings.axes)
             raise block.fault(f"the machine has no such axis; it has {axes}", self._foreign)
-        user = self._axis_user(groups, command)
+        user = self._axis_user(groups, command, motion)
         if user is not None:
+            if not _POLAR.isdisjoint(words):
+                raise block.fault(f"polar coordinates are for motion, not for {user}", _POLAR)
             if motion is not None and motion != 800:
                 raise block.fault(
                     f"{user} and {g_name(motion)} would both use the axis words; "
@@ -196,10 +211,10 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
                 raise block.fault(
                     "axis words without a motion mode; begin with G0, G1, G2 or G3", AXIS_WORDS
                 )
-            if command == 530 and motion is None and self.modal.motion not in (0, 10):
-                raise block.fault("G53 works with G0 and G1 only", "G", 530)
         else:
             motion_now = motion
+            if motion in _NEEDS_AXES:
+                raise block.fault(f"{g_name(motion)} needs an axis word", "G", motion)
             if (
                 motion is None
                 and self.modal.motion in ARCS
@@ -207,15 +222,20 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
                 and groups.get(Group.TOOL_LENGTH) is None
             ):
                 motion_now = self.modal.motion  # a full circle by its centre alone
+        if command == 530:
+            mode = self.modal.motion if motion_now is None else motion_now
+            if mode not in (0, 10):
+                raise block.fault("G53 works with G0 and G1 only", "G", 530)
+            self._forbid_compensation(block, "G", 530)
         if not _WITH_USERS.isdisjoint(words):
             self._check_users(block, motion_now)
 
+        if Group.SPINDLE_MODE in groups:
+            self._set_spindle_mode(groups[Group.SPINDLE_MODE], block)
         if Group.FEED_MODE in groups:
             self._set_feed_mode(groups[Group.FEED_MODE])
         if "F" in words:
             self._set_feed(block, groups.get(Group.UNITS))
-        if Group.SPINDLE_MODE in groups:
-            self._set_spindle_mode(groups[Group.SPINDLE_MODE], block)
         if "S" in words:
             self._set_speed(block)
         if "T" in words:
@@ -227,24 +247,29 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
         do = self._commands.get(command) if command is not None else None
         if do is not None and command is not None:
             do(command, block)
+        if Group.SHIFT_ENDS in groups:
+            self._shift(groups[Group.SHIFT_ENDS], block)
         if motion == 800:
             self._emit(c.Remark("interpreter: motion mode set to none"))
             self.modal.motion = None
         if motion_now is not None and motion_now != 800:
             if has_axes or motion_now not in (0, 10) or self.modal.feed > 0 or motion_now == 0:
                 self._motions[motion_now](motion_now, block)
-            if motion_now not in PROBES:
-                self.modal.motion = motion_now
+                self._leaving = False
+            if motion_now not in _ONCE:
+                self.modal.motion = motion_now if motion_now != 53 else None
         if Group.SUBPROGRAM in groups:
-            self._subprogram(groups[Group.SUBPROGRAM], block)
+            self.request = ("return",)
         if Group.STOP in groups:
             self._stop(groups[Group.STOP])
 
-    def _axis_user(self, groups: Mapping[Group, int], command: int | None) -> str | None:
+    def _axis_user(
+        self, groups: Mapping[Group, int], command: int | None, motion: int | None
+    ) -> str | None:
         """Return which code other than a motion uses the axis words, if any does."""
         if command in _USES_AXES:
             return g_name(command)
-        if groups.get(Group.TOOL_LENGTH) == 431:
+        if groups.get(Group.TOOL_LENGTH) == 431 and motion is None:  # which shares them otherwise
             return "G43.1"
         return None
 
@@ -265,7 +290,8 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
                     else:
                         message = f"unknown code {code_name(letter, code)}"
                     raise block.fault(message, letter, code)
-                if group in groups:
+                beside = group is MOTION and 800 in (code, groups.get(group))
+                if group in groups and not beside:
                     others = " ".join(code_name(letter, k) for k in table if table[k] is group)
                     raise block.fault(
                         f"{code_name(letter, groups[group])} and {code_name(letter, code)} exclude "
@@ -273,7 +299,8 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
                         letter,
                         code,
                     )
-                groups[group] = code
+                if groups.get(group, 800) == 800:  # beside G80 the other motion counts
+                    groups[group] = code
         return groups
 
     def _check_users(self, block: Block, motion: int | None) -> None:
@@ -284,10 +311,18 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
             if users is None:
                 continue
             g, m = users
+            if letter == "$":
+                self._check_spindle(block)
+                if "S" in block.words:
+                    continue
             if present.isdisjoint(g) and m.isdisjoint(block.m):
                 names = [*map(g_name, sorted(g)), *(f"M{code}" for code in sorted(m))]
                 hint = _USELESS.get(letter) or f"it belongs to {', '.join(names)}"
                 raise block.fault(f"nothing in this line uses the {letter} word; {hint}", letter)
+
+    def _check_spindle(self, block: Block) -> None:
+        if round(block.words["$"]) not in (0, -1):
+            raise block.fault("there is one spindle: $0", "$")
 
     def _comment(self, comment: Comment) -> None:
         kind, text = comment
@@ -302,7 +337,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
         elif kind == "log":
             self._emit(c.Log("LOG", self.parameters.fill_in(text)))
         else:
-            self._emit(c.Log(kind.upper(), text.strip()))
+            self._emit(c.Log(kind.upper(), text))
 
     def _keep_state(self, code: int, _: Block) -> None:
         if code in (70, 73):
@@ -324,19 +359,32 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
         kept, now = self.kept[-1], self.modal
         if kept is None:
             raise Fault("M72 without M70: no modal state has been kept here")
+        if kept.compensation not in (400, now.compensation):
+            raise Fault("M72 cannot switch cutter compensation on again; use G41 or G42")
         blank = Block("")
         if kept.scale != now.scale:
             self._set_units(200 if kept.scale == INCH else 210, blank)
+        # From here on in the order of the codes of one line, then the other M codes.
+        if kept.surface_limit != now.surface_limit:
+            now.surface_limit = kept.surface_limit
+            self._emit(c.SetSpindleMode(kept.surface_limit))
         if kept.feed_mode != now.feed_mode:
             self._set_feed_mode(kept.feed_mode)
         now.feed, now.feed_scale = kept.feed, kept.feed_scale
-        self._emit(c.SetFeedRate(kept.feed, kept.feed_scale))
+        if kept.feed_mode != 930:
+            self._emit(c.SetFeedRate(kept.feed, kept.feed_scale))
         now.speed = kept.speed
         self._emit(c.SetSpindleSpeed(kept.speed))
-        if kept.spindle != now.spindle:
+        turned = kept.spindle != now.spindle
+        if turned:
             self._set_spindle({1: 3, -1: 4, 0: 5}[kept.spindle], blank)
+        else:
+            self._restore_coolant(kept)
         if kept.plane is not now.plane:
             self._set_plane({plane: code for code, plane in PLANES.items()}[kept.plane], blank)
+        self._set_lathe_mode(70 if kept.diameter else 80, blank)
+        if kept.compensation != now.compensation:
+            self._set_compensation(400, blank)
         if kept.tool != now.tool:
             self._use_tool_offset(kept.tool)
         if kept.system != now.system:
@@ -345,28 +393,38 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
         self._say_path_control()
         self._set_distance_mode(900 if kept.absolute else 910, blank)
         self._set_center_mode(901 if kept.absolute_centers else 911, blank)
-        if kept.diameter != now.diameter:
-            self._set_lathe_mode(70 if kept.diameter else 80, blank)
         if kept.retract != now.retract:
             self._set_retract_mode(kept.retract, blank)
-        now.motion = kept.motion
-        if (kept.mist, kept.flood) != (now.mist, now.flood):
-            self._coolant_off()
-            for coolant in [7] * kept.mist + [8] * kept.flood:
-                self._set_coolant(coolant, blank)
+        if turned:
+            self._restore_coolant(kept)
         for name in SWITCHES.values():
             on = getattr(kept, name.lower())
             if on != getattr(now, name.lower()):
                 setattr(now, name.lower(), on)
                 self._emit(c.Switch(name, on))
 
-    def _subprogram(self, code: int, block: Block) -> None:
-        if code == 99:
+    def _restore_coolant(self, kept: Modal) -> None:
+        now = self.modal
+        if (now.mist and not kept.mist) or (now.flood and not kept.flood):
+            self._coolant_off()
+        for coolant, on in ((7, kept.mist and not now.mist), (8, kept.flood and not now.flood)):
+            if on:
+                self._set_coolant(coolant, Block(""))
+
+    def _jumps(self, block: Block) -> bool:
+        """Carry out a line that calls a subprogram or ends one; comments in it mean nothing."""
+        if block.m == [99] and len(self.kept) > 1 and not (block.g or block.words):
             self.request = ("return",)
-            return
+            return True
+        if 98 not in block.m:
+            return False
+        others = [code for code in block.m if code != 98]
+        if block.g or others or not block.words.keys() <= {"P", "L"}:
+            raise block.fault("M98 stands alone in its line, with P and perhaps L", "M", 98)
         self._need(block, "P", "the number of the subprogram", "M", 98)
         repeat = self._whole(block, "L") if "L" in block.words else 1
         self.request = ("call", self._whole(block, "P"), repeat)
+        return True
 
     def _stop(self, code: int) -> None:
         if code == 60:
@@ -379,6 +437,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes):
 
     def end(self, code: int) -> None:
         """End the program; reset what its end resets."""
+        self._check_no_spline()
         self._end_compensation()
         modal = self.modal
         self._use_system(1, shift=False)

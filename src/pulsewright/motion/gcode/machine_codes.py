@@ -61,17 +61,20 @@ class MachineCodes(Context):
 
     def _select_tool(self, block: Block) -> None:
         self._next_tool = self._whole(block, "T")
+        self._tool_of(self._next_tool, block, "T", ("T", 0))  # it must be known
         self._emit(c.SelectTool(self._next_tool))
 
-    def _change_tool(self, _: int, block: Block) -> None:
+    def _change_tool(self, code: int, block: Block) -> None:
+        if code == 61:
+            self._name_tool(block)
+            return
         self._forbid_compensation(block, "M", 6)
-        self._tool_of(self._next_tool, block, "T", ("M", 6))  # it must be known
         self.modal.spindle = 0
         self._emit(c.StopSpindle())
         self._use_tool(self._next_tool)
         self._emit(c.ChangeTool(self._tool))
 
-    def _name_tool(self, _: int, block: Block) -> None:
+    def _name_tool(self, block: Block) -> None:
         self._need(block, "Q", "the tool that is in the spindle", "M", 61)
         number = self._whole(block, "Q")
         self._tool_of(number, block, "Q", ("M", 61))
@@ -129,7 +132,10 @@ class MachineCodes(Context):
         self._emit(c.Switch("MIST", False))
         self._emit(c.Switch("FLOOD", False))
 
-    def _set_overrides(self, code: int, _: Block) -> None:
+    def _set_overrides(self, code: int, block: Block) -> None:
+        if code in SWITCHES:
+            self._set_switch(code, block)
+            return
         self.modal.feed_override = self.modal.speed_override = code == 48
         self._emit(c.Switch("FEED_OVERRIDE", code == 48))
         self._emit(c.Switch("SPEED_OVERRIDE", code == 48))

@@ -13,6 +13,10 @@ from pulsewright.motion.gcode.reader import Block
 from pulsewright.motion.moves import Plane
 from pulsewright.units import INCH
 
+#: From the centre of a lathe tool's nose to the point that is programmed, by the tool's
+#: orientation: along Z the real part, along X the imaginary one, in radii.
+TIPS: Final = (0, 1 - 1j, -1 - 1j, -1 + 1j, 1 + 1j, 1, -1j, -1, 1j, 0)
+
 _PATH_MODES: Final = {610: "EXACT_PATH", 611: "EXACT_STOP", 640: "CONTINUOUS"}
 
 
@@ -27,6 +31,8 @@ class ModeCodes(Context):
         self._emit(c.SelectPlane(plane))
 
     def _set_lathe_mode(self, code: int, _: Block) -> None:
+        if self.modal.diameter == (code == 70):
+            return
         self.modal.diameter = code == 70
         mode = "diameter" if code == 70 else "radius"
         self._emit(c.Remark(f"interpreter: Lathe diameter mode changed to {mode}"))
@@ -46,7 +52,7 @@ class ModeCodes(Context):
 
     def _set_path_control(self, code: int, block: Block) -> None:
         mode = _PATH_MODES[code]
-        tolerance = naive = 0.0
+        _, tolerance, naive = self.modal.path  # which G61 leaves as they are
         if code == 640:
             for letter in "PQ":
                 if block.words.get(letter, 0.0) < 0:
@@ -79,39 +85,47 @@ class ModeCodes(Context):
     def _set_compensation(self, code: int, block: Block) -> None:
         if code == 400:
             self._end_compensation()
-            self._compensation_mode = 400
+            self.modal.compensation = 400
             self._emit(c.Remark("interpreter: cutter radius compensation off"))
             return
         if self._compensation is not None:
             raise block.fault("cutter compensation is already on; use G40 first", "G", code)
         if self.modal.plane is Plane.YZ:
             raise block.fault("cutter compensation works in G17 and G18", "G", code)
-        radius = self._compensation_radius(code, block)
+        radius, orientation = self._nose(code, block)
         left = (code in (410, 411)) != (radius < 0)
-        self._compensation_mode = code
+        self.modal.compensation = 410 if left else 420
         self._emit(
             c.Remark(f"interpreter: cutter radius compensation on {'left' if left else 'right'}")
         )
-        # G18 looks along Y from behind: what is left there is right by axes Z and X.
-        side = left if self.modal.plane is Plane.XY else not left
         self._compensation = self.canon = Compensation(
             self._base,
             self.modal.plane,
-            left=side,
+            left=left,
             radius=abs(radius),
             position=self.position,
+            tip=abs(radius) * TIPS[orientation],
         )
 
-    def _compensation_radius(self, code: int, block: Block) -> float:
-        """Return the tool's radius [program units], negative to change sides."""
+    def _nose(self, code: int, block: Block) -> tuple[float, int]:
+        """Return the tool's radius [program units], negative to change sides; its orientation."""
+        words = block.words
         if code in (411, 421):
             self._need(block, "D", "the diameter of the tool", "G", code)
-            return block.words["D"] / 2
-        number = self._whole(block, "D") if "D" in block.words else self._tool
-        return self._tool_of(number, block, "D", ("G", code)).diameter / 2 / self.modal.scale
+            radius = words["D"] / 2
+            orientation = self._whole(block, "L", 0, 9) if "L" in words else 0
+        else:
+            number = (self._whole(block, "D") if "D" in words else 0) or self._tool
+            tool = self._tool_of(number, block, "D", ("G", code))
+            radius, orientation = tool.diameter / 2 / self.modal.scale, tool.orientation
+        if orientation and self.modal.plane is not Plane.ZX:
+            letter = "L" if "L" in words else "G"
+            raise block.fault("a lathe tool, with an orientation, works in G18", letter, code)
+        return radius, orientation
 
     def _end_compensation(self) -> None:
         if self._compensation is not None:
             self._compensation.finish()
+            self._leaving = self._compensation.entered
             self._compensation = None
             self.canon = self._base

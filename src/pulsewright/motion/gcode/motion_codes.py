@@ -18,13 +18,16 @@ from pulsewright.motion.gcode.codes import (
 from pulsewright.motion.gcode.context import Context
 from pulsewright.motion.gcode.cycles import CLEARANCE, STICKY, Hole, Thread
 from pulsewright.motion.gcode.cycles import CYCLES as CYCLE_OF
+from pulsewright.motion.gcode.parameters import PROBED
 from pulsewright.motion.gcode.reader import Block
 from pulsewright.motion.gcode.settings import FARTHEST
 from pulsewright.motion.moves import AXES, Plane
 from pulsewright.units import INCH
 
-ARC_TOLERANCE: Final = {1.0: 0.005, INCH: 0.0005}  # of radii, by length unit [program units]
+# Of the radii of an arc, by length unit [program units]: LinuxCNC lets them differ so far.
+ARC_TOLERANCE: Final = {1.0: 0.02 * math.sqrt(2), INCH: 0.002 * math.sqrt(2)}
 REACH_TOLERANCE: Final = {1.0: 0.00127, INCH: 0.00005}  # of R against half the chord
+PROBE_BACK: Final = 0.254  # [mm]
 _PLANE_NAMES: Final = {plane: g_name(code) for code, plane in PLANES.items()}
 
 
@@ -48,6 +51,7 @@ class MotionCodes(Context):
     def _arc(self, code: int, block: Block) -> None:
         if 530 in block.g:
             raise block.fault("G53 works with G0 and G1 only", "G", 530)
+        self._check_not_leaving(block)
         modal, words, plane = self.modal, block.words, self.modal.plane
         clockwise = code == 20
         first, second = plane.axes
@@ -125,17 +129,30 @@ class MotionCodes(Context):
             self.position = end
             self._emit(c.StraightFeed(end))
         else:
-            self._emit(c.RigidTap(end, self.position))
+            back = block.words.get("I", 1.0)
+            if back <= 0:
+                raise block.fault("I, how much faster the tap goes back, must be above 0", "I")
+            self._emit(c.RigidTap(end, self.position, back))
         self._emit(c.StopSpeedFeedSync())
 
     def _probe(self, code: int, block: Block) -> None:
         self._forbid_compensation(block, "G", code)
+        if self.modal.feed_mode == 930:
+            raise block.fault("probing does not work with inverse time feed (G93)", "G", code)
         end = self._target(block)
+        if end == self.position:
+            raise block.fault("a probe has to move; this is where it is", AXIS_WORDS)
         self._feed_for(block, math.dist(self.position[:3], end[:3]))
         self._emit(c.Probe(True))
         self._emit(c.StraightProbe(end))
         self._emit(c.Probe(False))
-        self.position = end
+        # Without a machine the probe trips at the end, and is drawn back a little, as that of
+        # LinuxCNC is where it stands alone.
+        self.parameters.numbered[PROBED : PROBED + len(AXES)] = end
+        start, length = self.position, math.dist(self.position[:3], end[:3])
+        back = PROBE_BACK / self.modal.scale / length if length else 0.0
+        self.position = [e + back * (s - e) for s, e in zip(start[:3], end[:3], strict=True)]
+        self.position += end[3:]
 
     def _cycle(self, code: int, block: Block) -> None:
         modal, words, plane = self.modal, block.words, self.modal.plane
@@ -191,26 +208,24 @@ class MotionCodes(Context):
         )
         if code == 870 and not modal.absolute:
             hole.words["IJK"[plane]] += bottom
-        if self._old_depth < retract:
+        if self._old_depth < retract - RESOLUTION:
             hole.traverse(retract)
-        elif goes_on:
-            # From hole to hole where the last one ended, but never below R nor, in G98, below
-            # where the series began.
-            depth = clear if modal.retract == 980 else max(retract, hole.position[plane])
-            hole.position[plane] = depth
+        elif goes_on and hole.position[plane] <= retract:
+            # From hole to hole where the last one ended, if that is above R; else from where G98 or
+            # G99 would have ended it.
+            hole.position[plane] = clear
         exact = modal.path[0] == "EXACT_PATH"
         if not exact:
             self._emit(c.SetMotionControlMode("EXACT_PATH"))
-        first, second = plane.axes
+        polar = not {"@", "^"}.isdisjoint(words)
         for _ in range(repeat):
-            point = [
-                named.get(axis, hole.position[axis])
-                if modal.absolute
-                else hole.position[axis] + named.get(axis, 0.0)
-                for axis in (first, second)
-            ]
-            hole.traverse_beside(point)
-            if hole.position[plane] != retract:
+            there = hole.position.copy()
+            for axis, value in named.items():
+                there[axis] = value if modal.absolute else there[axis] + value
+            if polar:
+                self._polar(block, there)
+            hole.traverse_beside([there[axis] for axis in plane.axes])
+            if abs(hole.position[plane] - retract) > RESOLUTION:
                 hole.traverse(retract)
             cycle.run(hole)
         self.position = hole.position
@@ -222,8 +237,8 @@ class MotionCodes(Context):
         self._forbid_compensation(block, "G", 760)
         if modal.plane is not Plane.ZX:
             raise block.fault("G76 works in the plane of G18", "G", 760)
-        if "X" in words or "Y" in words:
-            raise block.fault("G76 moves along Z; X and Y are where the tool is", "XY")
+        if others := set("XYABC") & set(words):
+            raise block.fault("G76 moves along Z; all else is where the tool is", others)
         self._need(block, "ZPIJK", "end, pitch, peak, first cut and depth", "G", 760)
         if not modal.spindle:
             raise block.fault("G76 needs a turning spindle; use M3 or M4", "G", 760)
@@ -259,4 +274,3 @@ class MotionCodes(Context):
         end = self._target(block)
         thread.run(self._emit, self.position, end[2])
         self.position = end
-        modal.feed_override = True  # each pass has ended with it

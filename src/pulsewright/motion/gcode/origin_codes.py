@@ -42,28 +42,23 @@ class OriginCodes(Context):
         self._forbid_compensation(block, "G", code)
         system = 1 + SYSTEM_CODES.index(code)
         if system == self.modal.system:
-            # Its parameters may have been set since.
-            before = self.frame
-            self._use_system_frame(system)
-            if self.frame == before:
-                text = "interpreter: continuing to use same coordinate system"
-                self._emit(c.Remark(text))
-                return
-        self._use_system(system)
+            self._emit(c.Remark("interpreter: continuing to use same coordinate system"))
+        else:
+            self._use_system(system)
 
     def _set_tool_length(self, code: int, block: Block) -> None:
         words = block.words
+        self._forbid_compensation(block, "G", code)
         offset = list(ZERO)
         if code == 431:
             offset = list(self.frame.tool)
-            for letter, axis in self._axis.items():
-                if letter in words:
-                    offset[axis] = words[letter] * self._scales()[axis]
+            for axis, value in self._named_axes(block):
+                offset[axis] = value * self._scales()[axis]
         elif code in (430, 432):
             if code == 432:
                 self._need(block, "H", "the tool whose offset is added", "G", 432)
                 offset = list(self.frame.tool)
-            number = self._whole(block, "H") if "H" in words else self._tool
+            number = (self._whole(block, "H") if "H" in words else 0) or self._tool
             added = self._tool_of(number, block, "H", ("G", code)).offset
             offset = [a + b for a, b in zip(offset, added, strict=True)]
         self._use_tool_offset(tuple(offset))
@@ -97,6 +92,8 @@ class OriginCodes(Context):
             )
         if relative and "R" in block.words:
             raise block.fault("R, the rotation, is set with G10 L2", "R")
+        if not {"I", "J"}.isdisjoint(block.words):
+            raise block.fault("I and J are angles of a tool; they are set with G10 L1", "IJ")
         system = self._whole(block, "P", 0, len(SYSTEMS)) or self.modal.system
         first = SYSTEM_OFFSET + 20 * (system - 1)
         numbered = self.parameters.numbered
@@ -132,7 +129,7 @@ class OriginCodes(Context):
         """Change the tool table: G10 L1, L10 and L11."""
         words = block.words
         self._need(block, "P", "the number of the tool", "G", 100)
-        number = self._whole(block, "P")
+        number = self._whole(block, "P", 1)
         if self.tools is None:
             self.tools = {}
         if number not in self.tools:
@@ -156,7 +153,7 @@ class OriginCodes(Context):
             orientation=self._whole(block, "Q", 0, 9) if "Q" in words else tool.orientation,
         )
         self.tools[number] = tool
-        self._say_tool(tool.pocket, tool)
+        self._say_tool(1 + list(self.tools).index(number), tool)
         if number == (self._tool or next(iter(self.tools))):
             self._say_tool(0, tool)  # the spindle; before any change it has the first tool
         if number == self._tool:
@@ -191,11 +188,11 @@ class OriginCodes(Context):
         assert self.tools is not None
         return self.tools[self._whole(block, "P")].offset
 
-    def _say_tool(self, pocket: int, tool: Tool) -> None:
+    def _say_tool(self, row: int, tool: Tool) -> None:
         unit = self.settings.unit
         self._emit(
             c.SetToolTableEntry(
-                pocket,
+                row,
                 tool.number,
                 tuple(v / u for v, u in zip(tool.offset, self._unit, strict=True)),
                 tool.diameter / unit,
@@ -235,6 +232,7 @@ class OriginCodes(Context):
         named = not AXIS_WORDS.isdisjoint(block.words)
         if named:
             self.position = self._target(block)
+        self._leaving = False
         self._emit(c.StraightTraverse(self.position.copy()))
         machine, home = self.frame.to_machine(self.position), self._stored(HOME[command])
         for axis in self._wrapped:

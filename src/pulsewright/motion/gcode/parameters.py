@@ -13,12 +13,13 @@ from pulsewright.errors import UsageError
 if TYPE_CHECKING:
     from pulsewright.motion.gcode.expressions import Span
 
-LAST_PARAMETER: Final = 5602
+LAST_PARAMETER: Final = 5601
 LOCALS: Final = 30  # #1 to #30 belong to the subroutine that runs
 READ_ONLY: Final = range(5400, 5429)  # tool and position
 
 # Where the dialect keeps positions: nine numbers from each of these, for X Y Z A B C U V W.
 HOME: Final = {280: 5161, 300: 5181}
+PROBED: Final = 5061
 G92_ON: Final = 5210
 G92_OFFSET: Final = 5211
 SYSTEM: Final = 5220
@@ -35,7 +36,7 @@ KEPT: Final = frozenset(
     for n in range(first, first + (10 if first > 5220 else 9))
 ) | {G92_ON, SYSTEM}
 
-_MESSAGE_PART: Final = re.compile(r"#<([^>]*)>|#([0-9]{1,9})|%(?:d|(?:\.([0-9]))?f)")
+_MESSAGE_PART: Final = re.compile(r"#<([^>]*)>|#([0-9]{1,9})|%(?:d|(?:\.([0-9]))?f|(?=\.))")
 
 
 class Parameters:
@@ -177,7 +178,8 @@ class Parameters:
             nonlocal decimals
             name, number, digits = match.groups()
             if name is None and number is None:
-                decimals = 0 if match[0] == "%d" else int(digits or 4)
+                if match[0] != "%":  # which alone is lost before a point
+                    decimals = 0 if match[0] == "%d" else int(digits or 4)
                 return ""
             key = int(number) if name is None else "".join(name.split()).upper()
             value = self.get(key)

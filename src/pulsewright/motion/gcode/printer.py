@@ -51,7 +51,7 @@ def _output(call: c.Output) -> str:
 def _tool(call: c.SetToolTableEntry) -> str:
     offset = _list((*call.offset, 0.0, 0.0, 0.0), " ")
     return (
-        f"SET_TOOL_TABLE_ENTRY({call.pocket}, {call.number}, {offset}, "
+        f"SET_TOOL_TABLE_ENTRY({call.row}, {call.number}, {offset}, "
         f"{call.front_angle:.4f}, {call.back_angle:.4f}, {call.orientation})"
     )
 
@@ -78,6 +78,7 @@ _TEXT: Final[dict[type, Callable[[Any], str]]] = {
     c.StraightFeed: lambda call: f"STRAIGHT_FEED({_list(call.position)})",
     c.TapFeed: _tap,
     c.ArcFeed: _arc,
+    c.SplineFeed: lambda call: f"NURBS_FEED({len(call.points)}, ...)",
     c.RigidTap: lambda call: f"RIGID_TAP({_list(call.position[:3])})",
     c.StraightProbe: lambda call: f"STRAIGHT_PROBE({_list(call.position)})",
     c.Probe: lambda call: f"TURN_PROBE_{'ON' if call.on else 'OFF'}()",
@@ -124,7 +125,7 @@ class Printer:
             return
         self._count += 1
         number = f"N{self.number}" if self.number else "N....."
-        self._write(f"{self._count:5d} {number:<6} {self._text(call)}\n")
+        self._write(f"{self._count:5d} {number:<7}{self._text(call)}\n")
 
     def _text(self, call: tuple[object, ...]) -> str:
         if isinstance(call, c.UseLengthUnits):

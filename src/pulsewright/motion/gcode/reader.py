@@ -48,7 +48,7 @@ _NAME: Final = re.compile(r"[A-Z]+")
 _OPERATOR: Final = re.compile(r"\*\*|[*/+-]|MOD|EQ|NE|GT|GE|LT|LE|AND|OR|XOR")
 _COMMENT: Final = re.compile(r"\([^()]*\)|;.*")
 _MESSAGE: Final = re.compile(
-    r"\(\s*(msg|debug|print|log|logopen|logappend|logclose)\b\s*,?([^()]*)\)", re.IGNORECASE
+    r"\(\s*(?:(msg|debug|print|log|logopen|logappend),([^()]*)|(logclose))\)", re.IGNORECASE
 )
 _FIXED: Final = frozenset(range(1, POSITION))  # parameters that are nothing but numbers
 _GAP: Final = ";"  # stands for a comment, so that words do not grow together across it
@@ -290,9 +290,9 @@ class Line:
             values = [(key, value)]
         else:
             values = [(key, node.value(parameters)) for key, node in self.settings]
-        for key, value in values:
-            name = key.key(parameters)
-            parameters.check(name, key.span)
+        named = [(key.key(parameters), value, key.span) for key, value in values]
+        for name, value, span in named:
+            parameters.check(name, span)
             parameters.set(name, value)
 
 
@@ -342,11 +342,11 @@ def read_line(text: str) -> Line | None:
 
 def _last_comment(text: str) -> Comment | None:
     comments = [c for c in _COMMENT.findall(text) if c.startswith("(")]
-    if not comments:
+    if not comments or comments[-1] == "()":
         return None
     message = _MESSAGE.fullmatch(comments[-1])
     if message:
-        return Comment(message[1].lower(), message[2])
+        return Comment((message[1] or message[3]).lower(), message[2] or "")
     return Comment("comment", comments[-1][1:-1].lstrip())
 
 
@@ -448,6 +448,8 @@ class _Reader:
             if end < 0:
                 self.fail("> is missing after the name", start, len(self.line))
             label, self.at = self.line[self.at + 1 : end].lower(), end + 1
+            if label.isdigit() and (label == "0" or label[0] != "0"):
+                label = int(label)  # o<12> is o12
         elif c.isdigit():
             match = _NUMBER.match(self.line, self.at)
             assert match is not None

@@ -15,10 +15,12 @@ from pulsewright.motion.gcode import calls as c
 from pulsewright.motion.gcode.arcs import RESOLUTION
 from pulsewright.motion.gcode.faults import Fault
 from pulsewright.motion.gcode.offsets import Frame
+from pulsewright.motion.gcode.splines import chords
 from pulsewright.motion.moves import AXES, Event, MoveKind, Moves, Plane, Program
 from pulsewright.units import MINUTE
 
 MANY: Final = 1 << 14  # moves that are kept before they are taken
+SPLINE_ERROR: Final = 1e-3  # of the straight lines that stand for a spline [mm]
 _EVENT_OF_SWITCH: Final = {"MIST": "mist", "FLOOD": "flood"}
 _NOWHERE: Final = (np.nan,) * len(AXES)  # a dwell stays where the move before it ended
 
@@ -78,13 +80,14 @@ class Recorder:
         self._rate = c.SetFeedRate(0.0, 1.0)
         self._per_revolution = False
         self._speed, self._direction = 0.0, 0
-        self._mode, self._tolerance = "CONTINUOUS", 0.0
+        self._continuous = True
         self._pitch = 0.0
         self._take: dict[type, Callable[[Any], None]] = {
             c.StraightFeed: self._straight_feed,
             c.StraightTraverse: self._straight_traverse,
             c.TapFeed: lambda call: self._straight_feed(c.StraightFeed(call.position)),
             c.ArcFeed: self._arc_feed,
+            c.SplineFeed: self._spline_feed,
             c.SetFeedRate: self._set_feed_rate,
             c.RigidTap: self._rigid_tap,
             c.StraightProbe: self._probe,
@@ -159,10 +162,22 @@ class Recorder:
         self._ends.extend(call.end)
         self._feeds.append(self._feed)
 
+    def _spline_feed(self, call: c.SplineFeed) -> None:
+        ends = chords(call, SPLINE_ERROR / self._frame.scale).tolist()
+        first, stop = len(self._lines), self._tolerances[-1][1] == 0
+        if stop:  # at its end, not at each line
+            self._tolerances.append((first, self._exact_tolerance))
+            self._tolerances.append((first + len(ends) - 1, 0.0))
+        for x, y in ends:
+            self._straight_feed(c.StraightFeed([x, y, *call.end[2:]]))
+
     def _rigid_tap(self, call: c.RigidTap) -> None:
-        for position in (call.position, call.start):
+        feed = self._feed
+        for position, speed in ((call.position, 1.0), (call.start, call.back)):
+            self._feed = feed * speed
             self._straight_feed(c.StraightFeed(position))
             self._stop()
+        self._feed = feed
 
     def _probe(self, _: c.StraightProbe) -> None:
         raise Fault("where a probe trips is known to the machine alone: G38 cannot be planned")
@@ -211,11 +226,13 @@ class Recorder:
             call.tolerance * self._frame.scale or self._path_tolerance,
         )
         self._tolerances.append((len(self._lines), tolerance))
-        if call.mode != "CONTINUOUS":  # with which its own call comes
+        self._continuous = call.mode == "CONTINUOUS"
+        if not self._continuous:  # with which its own call comes
             self._collapses.append((len(self._lines), 0.0))
 
     def _set_collapse(self, call: c.SetNaivecamTolerance) -> None:
-        self._collapses.append((len(self._lines), call.tolerance * self._frame.scale))
+        if self._continuous:
+            self._collapses.append((len(self._lines), call.tolerance * self._frame.scale))
 
     def _synchronise(self, pitch: float) -> None:
         self._pitch = pitch

@@ -17,6 +17,8 @@ class Modal:
         Code of the motion mode, ten times its number; None after G80.
     feed_mode : int
         930, 940 or 950.
+    compensation : int
+        400, 410 for left or 420 for right.
     scale : float
         Length unit [mm].
     path : (str, float, float)
@@ -36,6 +38,7 @@ class Modal:
     absolute: bool = True
     absolute_centers: bool = False
     feed_mode: int = 940
+    compensation: int = 400
     scale: float = 1.0
     path: tuple[str, float, float] = ("CONTINUOUS", 0.0, 0.0)
     retract: int = 990
@@ -50,6 +53,6 @@ class Modal:
     feed_override: bool = True
     speed_override: bool = True
     adaptive_feed: bool = False
-    feed_hold: bool = False
+    feed_hold: bool = True
     diameter: bool = False
     tool: tuple[float, ...] = (0.0,) * 6

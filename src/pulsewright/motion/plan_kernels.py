@@ -50,7 +50,7 @@ SPLITS = (0.35, 0.65, 0.2, 0.8)  # where the two pieces of a cell may meet, besi
 BRIDGES = (1, 2, 3, 5, 8, 13)  # cells on both sides of a broken one that change with it
 WORTH = 0.01  # of a run's time, lost to the jerk: then it is worth to raise speeds
 GAIN = 0.03  # the same of some cells
-WIDE = 32  # cells whose speeds are raised together, at most; and half as many, and so on
+WIDE = 16  # cells whose speeds are raised together, at most; and half as many, and so on
 RAISE = 0.027  # of the squares of speeds, in the middle of these cells, at least
 NEVER = 1.08  # of the second-order optimum: squares of speeds are lower
 PARTS = 4096  # cells of one element at most
@@ -689,10 +689,12 @@ def _check(
     bridge: bool,
 ) -> int:
     """Find the cells whose law breaks a limit, tighten limits there, and return how many."""
-    count, cells = 0, task.cells
+    count, cells, v0 = 0, task.cells, math.sqrt(b[first])
     for c in range(first, last):
-        task.split[c] = 0.5
-        broken[c] = not _holds(cells, b, a, c, 0.5)
+        task.split[c], v1 = 0.5, math.sqrt(b[c + 1])
+        _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], 0.5)
+        broken[c] = not max(v, s, j) <= 1.0 + ROUNDING
+        v0 = v1
     for c in range(first, last):
         if not broken[c]:
             continue
@@ -730,10 +732,14 @@ def _bridged(
 ) -> bool:
     """Lead one law of two pieces over ever more cells around a broken one, until limits hold."""
     cells, size, split = task.cells, task.cells.size, task.split
-    for share in SPLITS:
-        if _holds(cells, b, a, c, share):
-            split[c], broken[c] = share, False
-            return True
+    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+    _, v, s, _ = _used(cells, c, v0, v1, a[c], a[c + 1], 0.5)
+    if max(v, s) <= 1.0 + ROUNDING:
+        for share in SPLITS:
+            _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], share)
+            if max(v, s, j) <= 1.0 + ROUNDING:
+                split[c], broken[c] = share, False
+                return True
     keep, hold, part = task.work[0], task.work[1], task.work[2]
     low, high = c, c + 1
     for reach in BRIDGES:

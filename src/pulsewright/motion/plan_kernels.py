@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.compiled import compiled
-from pulsewright.motion.path import Elements, Floats, Ints, Limits, _peak_cosine
+from pulsewright.motion.path import Elements, Floats, Ints, Limits, _peaks
 
 BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
 TWIST_SHARE = 0.9  # of the jerk, for bending at constant speed
@@ -79,6 +79,10 @@ def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, sha
     """Raise the shares (r, 6) of a cell to those of a part of element ``e``."""
     w, h, rows = path.omega[e], end - begin, limits.rows
     share[0, 0] = max(share[0, 0], 1.0 / path.feed[e])
+    c0, s0, c1, s1 = 1.0, 0.0, 1.0, 0.0
+    if w != 0.0:
+        c0, s0 = math.cos(w * begin), math.sin(w * begin)
+        c1, s1 = math.cos(w * end), math.sin(w * end)
     for r in range(rows.shape[0]):
         p1, p2, p3, c, s = 0.0, 0.0, 0.0, 0.0, 0.0
         for axis in range(6):
@@ -90,21 +94,18 @@ def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, sha
                 c += row * path.cosine[e, axis]
                 s += row * path.sine[e, axis]
         third = abs(6.0 * p3)
-        c0 = 2.0 * p2 + 6.0 * p3 * begin
-        c1 = c0 + 6.0 * p3 * h
-        second = max(abs(c0), abs(c1))
+        bend = 2.0 * p2 + 6.0 * p3 * begin
+        second = max(abs(bend), abs(bend + 6.0 * p3 * h))
         e0 = p1 + (2.0 * p2 + 3.0 * p3 * begin) * begin
         e1 = p1 + (2.0 * p2 + 3.0 * p3 * end) * end
         first = max(abs(e0), abs(e1))
         if p3 != 0.0:
-            first = max(first, abs(e0 + 0.5 * c0 * h))
+            first = max(first, abs(e0 + 0.5 * bend * h))
         if c != 0.0 or s != 0.0:
-            swing, turn = math.hypot(c, s), w * h
-            along = _peak_cosine(math.atan2(-c, s) - w * begin, turn)
-            inward = _peak_cosine(math.atan2(s, c) - w * begin, turn)
-            first += w * swing * along
-            second += w * w * swing * inward
-            third += w**3 * swing * along
+            along, inward = _peaks(c, s, c0, s0, c1, s1, w * h)
+            first += w * along
+            second += w * w * inward
+            third += w**3 * along
         per_acceleration, per_jerk = 1.0 / limits.acceleration[r], 1.0 / limits.jerk[r]
         share[0, 0] = max(share[0, 0], first / limits.velocity[r])
         share[r, 1] = max(share[r, 1], first * per_acceleration)
@@ -117,12 +118,14 @@ def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, sha
 @_part
 def _cap(share: Floats, rows: int) -> float:
     """Return the largest square of the speed on a cell."""
-    top = 1.0 / (share[0, 0] * share[0, 0])
+    bend, twist = 0.0, 0.0
     for r in range(rows):
-        if share[r, 3] > 0.0:
-            top = min(top, BEND_SHARE / share[r, 3])
-        if share[r, 5] > 0.0 and top * math.sqrt(top) * share[r, 5] > TWIST_SHARE:
-            top = (TWIST_SHARE / share[r, 5]) ** (2 / 3)
+        bend, twist = max(bend, share[r, 3]), max(twist, share[r, 5])
+    top = 1.0 / (share[0, 0] * share[0, 0])
+    if bend * top > BEND_SHARE:
+        top = BEND_SHARE / bend
+    if twist * top * math.sqrt(top) > TWIST_SHARE:
+        top = (TWIST_SHARE / twist) ** (2 / 3)
     return top
 
 

@@ -226,7 +226,7 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
     ``square`` is that of the speed at the start.
     """
     m, rows = path.length.size, limits.velocity.size
-    share = np.zeros((m + m // 2 + 64, rows, 6))  # of whole elements first
+    share = np.empty((m + m // 2 + 64, rows, 6))  # of whole elements first
     cap, ramp = np.zeros(m), np.zeros(m)
     delay = 0.0
     for r in range(rows):
@@ -235,6 +235,7 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
     speed = np.zeros(m + 1)
     speed[0] = square
     for e in range(m):
+        _clear(share[e])
         if path.length[e] == 0.0:
             continue
         _bound(path, limits, e, 0.0, path.length[e], share[e])
@@ -332,13 +333,14 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
             if not bends or length[c] == path.length[e]:
                 continue
         if used == share.shape[0]:
-            more = np.zeros((2 * used, rows, 6))
+            more = np.empty((2 * used, rows, 6))
             for p in range(used):
                 for r in range(rows):
                     for k in range(6):
                         more[p, r, k] = share[p, r, k]
             share = more
         row[c] = used
+        _clear(share[used])
         if after <= e + 1:
             _bound(path, limits, e, offset[c], offset[c] + length[c], share[used])
         else:
@@ -347,10 +349,19 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
                     for k in range(6):
                         share[used, r, k] = max(share[used, r, k], share[j, r, k])
         used += 1
-    matter = np.empty(used, np.int64)
-    for p in range(used):
-        matter[p] = _compacted(share[p])
+    matter = np.zeros(used, np.int64)
+    for c in range(n):
+        if c == 0 or row[c] != row[c - 1]:
+            matter[row[c]] = _compacted(share[row[c]])
     return Cells(element[:n], offset[:n], length[:n], rest, row, share[:used], matter)
+
+
+@_part
+def _clear(share: Floats) -> None:
+    """Put 0 into the shares (r, 6) of a cell."""
+    for r in range(share.shape[0]):
+        for k in range(6):
+            share[r, k] = 0.0
 
 
 @_part

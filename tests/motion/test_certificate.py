@@ -192,3 +192,12 @@ def test_other_coordinates_are_refused():
     trajectory = plan(CORNER, MACHINE)
     with pytest.raises(UsageError, match="4 coordinates"):
         certify(trajectory.mapped(MACHINE.motor_matrix()), CORNER, MACHINE)
+
+
+def test_elements_in_another_order_than_their_moves_are_refused():
+    trajectory = plan(CORNER, MACHINE)
+    move = trajectory.move.copy()
+    move[-1] = 0
+    trajectory = dataclasses.replace(trajectory, move=move)
+    with pytest.raises(UsageError, match=f"element {len(move) - 1} is of move 0"):
+        certify(trajectory, CORNER, MACHINE)

@@ -15,6 +15,7 @@ from pulsewright.motion.certificate import certify
 from pulsewright.motion.gcode import InterpreterSettings, interpret
 from pulsewright.motion.machine import Machine
 from pulsewright.motion.moves import MoveKind, Moves, Plane
+from pulsewright.motion.path import _peaks
 from pulsewright.motion.plan import begin_times, plan
 from pulsewright.motion.stream import Planner
 
@@ -417,3 +418,20 @@ def test_promises_and_speed_on_real_programs(corpus, name, slowest):
         ideal = np.nansum(length / np.minimum(moves.feed, 60 / along))
     assert ideal <= 1.2 * trajectory.duration
     assert trajectory.duration <= slowest * ideal
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "slope", "wave"),
+    [
+        (0, 90, 1, 1),
+        (45, 60, math.sqrt(3) / 2, math.sqrt(1 / 2)),
+        (45, 120, 1, math.sqrt(1 / 2)),  # steepest inside, at 90
+        (-30, 30, 1 / 2, 1),  # highest inside, at 0
+        (30, 230, 1, 1),
+    ],
+)
+def test_a_wave_is_bounded_by_its_ends_and_by_peaks_between_them(begin, end, slope, wave):
+    """Of 2 cos(u), from begin to end [degrees]."""
+    u, v = math.radians(begin), math.radians(end)
+    ends = math.cos(u), math.sin(u), math.cos(v), math.sin(v)
+    assert _peaks(2.0, 0.0, *ends, v - u) == pytest.approx((2 * slope, 2 * wave))

@@ -20,8 +20,6 @@ from pulsewright.motion.trajectory import Trajectory
 
 ROUNDING: Final = 1e-6  # allowed in positions, velocities and times [mm, degrees, s]
 STILL: Final = 1e-8  # motion shorter than this is none [mm, degrees]
-CHUNK: Final = 1 << 14  # elements looked at together, so that memory is bounded
-PARTS: Final = 64  # of a cubic whose control points lie too far out
 CLOSE: Final = 1e-3  # jump of acceleration that counts as none [mm/s^2, degrees/s^2]
 
 Floats = NDArray[np.float64]
@@ -159,7 +157,7 @@ def certify(trajectory: Trajectory, moves: Moves, machine: Machine) -> Certifica
     Raises
     ------
     UsageError
-        If the trajectory has other axes than the moves.
+        If the trajectory has other axes than the moves, or them in another order.
     """
     if not len(moves):
         return _nothing(machine)
@@ -213,7 +211,8 @@ class Certifier:
         Raises
         ------
         UsageError
-            If the trajectory has other axes than the moves, or moves that are not known yet.
+            If the trajectory has other axes than the moves, or moves that are not known yet or in
+            another order.
         """
         if trajectory.axes != len(AXES):
             raise UsageError(
@@ -303,6 +302,14 @@ class Certifier:
             raise UsageError(
                 f"certify was given moves {self._first} to {known - 1}, and then a trajectory of "
                 f"{first} to {last}; add moves first, and check parts in order"
+            )
+        back = np.flatnonzero(np.diff(trajectory.move) < 0)
+        if len(back):
+            at = int(back[0]) + 1
+            raise UsageError(
+                f"certify was given a trajectory whose element {at} is of move "
+                f"{trajectory.move[at]}, after one of move {trajectory.move[at - 1]}; elements "
+                f"have to follow in the order of their moves"
             )
         corner = self._corners[0]
         if first > self._run >= 0:  # the run before has ended
@@ -399,7 +406,9 @@ class _Reference:
 
     def __init__(self, trajectory: Trajectory, moves: Moves, corner: float) -> None:
         self.trajectory, self.moves, self.before = trajectory, moves, corner
-        self.last, self.run = np.unique(trajectory.move, return_inverse=True)
+        new = np.diff(trajectory.move, prepend=trajectory.move[0]) != 0
+        self.run = np.cumsum(new)
+        self.last = trajectory.move[np.append(0, np.flatnonzero(new))]
         first = np.append(0, self.last[:-1] + 1)
         self.start, self.end = moves.starts()[first], moves.end[self.last]
         self._trace()
@@ -435,8 +444,10 @@ class _Reference:
     def _merge(self) -> None:
         """Find feeds, tolerances, and how far moves lie from the chord that stands for them."""
         moves = self.moves
-        moving = (np.abs(moves.end - moves.starts()) > STILL).any(axis=1)
-        head = np.union1d(np.flatnonzero(moving | (moves.kind == MoveKind.ARC)), self.last)
+        known = (np.abs(moves.end - moves.starts()) > STILL).any(axis=1)
+        known |= moves.kind == MoveKind.ARC
+        known[self.last] = True
+        head = np.flatnonzero(known)
         tolerance = np.where(moves.kind == MoveKind.DWELL, 0.0, moves.tolerance)
         tolerance = np.minimum.reduceat(tolerance, head)  # with those of moves of no length
         run = np.searchsorted(self.last, head)
@@ -461,46 +472,23 @@ class _Reference:
         apart = _norm(corner - self.start[q] - np.clip(share, 0, 1)[:, None] * span)
         np.maximum.at(self.chord, q[inner], apart[inner])
         back = np.flatnonzero(inner[:-1] & (np.diff(share) < 0))  # runs back: no chord may do that
-        bent = np.isin(q, q[inner]) & (moves.kind[head] != MoveKind.LINE)  # nor replace an arc
+        merged = np.bincount(q[inner], minlength=len(self.last)) > 0
+        bent = merged[q] & (moves.kind[head] != MoveKind.LINE)  # nor replace an arc
         skipped = q[inner & (tolerance <= 0)]  # rests
         self.chord[q[back]] = self.chord[q[bent]] = self.chord[skipped] = np.inf
 
     def deviation(self) -> tuple[Floats, Floats]:
         """Return a bound on the distance from the programmed path, and the tolerance, (m,)."""
-        length = self.trajectory.length
-        first = np.searchsorted(self.run, np.arange(len(self.last) + 1))
-        count, begin = np.diff(first), np.zeros(len(length))  # from the start of the run
-        for k in range(1, count.max()):  # no sum over runs, whose rounding would grow
-            here = first[:-1][count > k] + k
-            begin[here] = begin[here - 1] + length[here - 1]
-        chunks = (slice(at, at + CHUNK) for at in range(0, len(length), CHUNK))
-        found = [self._deviation(chunk, begin[chunk, None]) for chunk in chunks]
-        bound, allowed = zip(*found, strict=True)
-        return np.concatenate(bound), np.concatenate(allowed)
+        from pulsewright.motion import certificate_kernels as kernels
 
-    def _deviation(self, chunk: slice, cut: Floats) -> tuple[Floats, Floats]:
-        """Return bound and tolerance of some elements, which begin at ``cut`` of their runs."""
-        t, run = self.trajectory, self.run[chunk]
-        poly, length = t.poly[chunk], t.length[chunk]
-        w = self.omega[run][:, None]
-        cos, sin = np.cos(w * cut), np.sin(w * cut)
-        apart = [poly[:, n] for n in range(4)]
-        apart[0] = apart[0] - self.base[run] - self.along[run] * cut
-        apart[1] = apart[1] - self.along[run]
-        cosine, sine = t.cosine[chunk], t.sine[chunk]
-        if w.any():
-            cosine = cosine - np.where(w > 0, self.cosine[run] * cos + self.sine[run] * sin, 0)
-            sine = sine - np.where(w > 0, self.sine[run] * cos - self.cosine[run] * sin, 0)
-        skew = np.abs(t.omega[chunk] - self.omega[run]) * length * _norm(t.cosine[chunk])
-        bound = _hull(apart, length)
-        rest = _norm(cosine) + _norm(sine) + skew + self.chord[run]
+        t, run = self.trajectory, self.run
         # a blend at either end of the run, or the chord
         allowed = np.maximum(self.corner, np.append(self.before, self.corner[:-1]))
         allowed = np.maximum(allowed, np.where(np.isinf(self.inner), 0.0, self.inner))
-        allowed = np.maximum(allowed[run], ROUNDING)
-        coarse = np.flatnonzero(bound + rest > allowed)  # control points lie outside of curves
-        bound[coarse] = _hull_of_parts([c[coarse] for c in apart], length[coarse])
-        return bound + rest, allowed
+        allowed = np.maximum(allowed, ROUNDING)
+        motion = t.poly, t.cosine, t.sine, t.omega, t.length
+        programmed = self.base, self.along, self.cosine, self.sine, self.omega, self.chord
+        return kernels.distance(*motion, run, *programmed, allowed), allowed[run]
 
     def rests(self, motion: _Pieces) -> tuple[float, int]:
         """Return the largest error of position at rest, and the number of rests not made."""
@@ -511,37 +499,14 @@ class _Reference:
         done[t.element[final[:-1]]] = True  # the last one may go on in the next part
         done[t.element[-1]] = still[t.element[-1]] and motion.end >= t.length[t.element[-1]] - STILL
         closing = np.append(np.flatnonzero(np.diff(self.run)), len(self.run) - 1)
-        x = _place(t, closing.astype(np.int32), t.length[closing])
         demanded = (self.corner <= 0) & done[closing]
         kept = still[closing] & demanded
-        error = _norm(x - self.end)[kept].max(initial=0.0)
+        x = _place(t, closing[kept].astype(np.int32), t.length[closing[kept]])
+        error = _norm(x - self.end[kept]).max(initial=0.0)
         return float(error), int((demanded & ~kept).sum())
 
 
 def _norm(v: Floats) -> Floats:
     """Return the larger of the linear and the rotary length of each vector."""
-    linear, rotary = np.linalg.norm(v[:, :3], axis=1), np.linalg.norm(v[:, 3:], axis=1)
-    return np.asarray(np.maximum(linear, rotary))
-
-
-def _hull_of_parts(c: list[Floats], size: Floats) -> Floats:
-    """Bound the length of cubics over 0..size by the control points of `PARTS` parts of them."""
-    bound, step = np.zeros(len(size)), size / PARTS
-    for part in range(PARTS):
-        x = (part * step)[:, None]
-        moved = [
-            c[0] + (c[1] + (c[2] + c[3] * x) * x) * x,
-            c[1] + (2 * c[2] + 3 * c[3] * x) * x,
-            c[2] + 3 * c[3] * x,
-            c[3],
-        ]
-        bound = np.maximum(bound, _hull(moved, step))
-    return bound
-
-
-def _hull(cubic: list[Floats], size: Floats) -> Floats:
-    """Bound the length of cubics over 0..size by their control points."""
-    from pulsewright.motion import certificate_kernels as kernels
-
-    a, b, c, d = map(np.ascontiguousarray, cubic)  # columns of others would compile it once more
-    return np.asarray(kernels.hull(a, b, c, d, size))
+    x, y, z, a, b, c = (v * v).T
+    return np.asarray(np.sqrt(np.maximum(x + y + z, a + b + c)))

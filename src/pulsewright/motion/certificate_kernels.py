@@ -19,16 +19,23 @@ Floats = NDArray[np.float64]
 DEPTH = 40  # halvings of a piece at most, where a limit is in question
 FINE = 12  # where the limit holds
 CLOSE = 1e-3  # of the bound: upper bound and actual value agree
+PARTS = 64  # of a cubic whose control points lie too far out
 
 
-@compiled(error_model="numpy")
+# For kernels only: what Python needs to call them would take longest to compile.
+_part = compiled(
+    allocates=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+)
+
+
+@_part
 def _product(a: float, b: float, c: float, d: float) -> tuple[float, float]:
     """Return the interval of products of a..b and c..d."""
     p, q, r, s = a * c, a * d, b * c, b * d
     return min(p, q, r, s), max(p, q, r, s)
 
 
-@compiled(error_model="numpy")
+@_part
 def _wave(c: float, d: float, low: float, high: float) -> tuple[float, float]:
     """Return the interval of ``c cos(u) + d sin(u)`` for u in low..high."""
     size, phase = math.hypot(c, d), math.atan2(d, c)
@@ -43,7 +50,7 @@ def _wave(c: float, d: float, low: float, high: float) -> tuple[float, float]:
     return least, most
 
 
-@compiled(error_model="numpy")
+@_part
 def _quadratic(a: float, b: float, c: float, low: float, high: float) -> tuple[float, float]:
     """Return the interval of ``a + b u + c u^2`` for u in low..high."""
     first, last = a + (b + c * low) * low, a + (b + c * high) * high
@@ -56,15 +63,17 @@ def _quadratic(a: float, b: float, c: float, low: float, high: float) -> tuple[f
     return least, most
 
 
-@compiled(error_model="numpy")
+@_part
 def _interval(
-    p: Floats, w: float, law: Floats, low: float, high: float
+    along: Floats, r: int, w: float, law: Floats, k: int, low: float, high: float
 ) -> tuple[float, float, float]:
     """Return upper bounds of velocity, acceleration and jerk along a row from low to high.
 
-    ``p`` (5,) has the row's derivatives of the polynomial, and its cosine and sine.
+    ``along`` (rows, 5) has the derivatives of the polynomial along each row, and cosine and sine;
+    ``law`` (k, 4) is that of all pieces.
     """
-    c0, c1, c2, c3 = law[0], law[1], law[2], law[3]
+    p1, p2, p3, cosine, sine = along[r, 0], along[r, 1], along[r, 2], along[r, 3], along[r, 4]
+    c0, c1, c2, c3 = law[k, 0], law[k, 1], law[k, 2], law[k, 3]
     s0 = c0 + (c1 + (c2 + c3 * low) * low) * low
     s1 = c0 + (c1 + (c2 + c3 * high) * high) * high
     v0, v1 = _quadratic(c1, 2.0 * c2, 3.0 * c3, low, high)
@@ -74,16 +83,16 @@ def _interval(
     j = 6.0 * c3
     if v0 < 0.0:  # not monotonic, or so by rounding
         s0, s1 = min(s0, s1) + v0 * (high - low), max(s0, s1) - v0 * (high - low)
-    d0, d1 = _quadratic(p[0], 2.0 * p[1], 3.0 * p[2], s0, s1)
-    e0, e1 = 2.0 * p[1] + 6.0 * p[2] * s0, 2.0 * p[1] + 6.0 * p[2] * s1
+    d0, d1 = _quadratic(p1, 2.0 * p2, 3.0 * p3, s0, s1)
+    e0, e1 = 2.0 * p2 + 6.0 * p3 * s0, 2.0 * p2 + 6.0 * p3 * s1
     if e0 > e1:
         e0, e1 = e1, e0
-    f0 = f1 = 6.0 * p[2]
-    if w != 0.0 and (p[3] != 0.0 or p[4] != 0.0):
-        least, most = _wave(w * p[4], -w * p[3], w * s0, w * s1)
+    f0 = f1 = 6.0 * p3
+    if w != 0.0 and (cosine != 0.0 or sine != 0.0):
+        least, most = _wave(w * sine, -w * cosine, w * s0, w * s1)
         d0, d1 = d0 + least, d1 + most
         f0, f1 = f0 - w * w * most, f1 - w * w * least
-        least, most = _wave(-w * w * p[3], -w * w * p[4], w * s0, w * s1)
+        least, most = _wave(-w * w * cosine, -w * w * sine, w * s0, w * s1)
         e0, e1 = e0 + least, e1 + most
     velocity = max(abs(d0), abs(d1)) * max(abs(v0), abs(v1))
     q0, q1 = _product(v0, v1, v0, v1)
@@ -99,7 +108,7 @@ def _interval(
     return velocity, acceleration, jerk
 
 
-@compiled(error_model="numpy")
+@_part
 def _enough(actual: float, most: float, deep: int) -> float:
     """Return the upper bound that need not be made sharper, as a share of the limit."""
     if actual > 1.0:  # broken for certain: by how much need not be known better
@@ -129,29 +138,36 @@ def worst(
     count, axes = rows.shape
     most, actual = np.zeros((3, count)), np.zeros((3, count))
     where = np.zeros((3, count), np.int64)
-    p, value = np.empty(5), np.empty(3)
+    along, moves = np.zeros((count, 5)), np.zeros(count, np.bool_)  # of one element, per row
+    value = np.empty(3)
     begin, end, depth = np.empty(2 * DEPTH), np.empty(2 * DEPTH), np.empty(2 * DEPTH, np.int64)
     for k in range(element.size):
         e, time = element[k], start[k + 1] - start[k]
+        if k == 0 or e != element[k - 1]:
+            for r in range(count):
+                p1, p2, p3, c, s = 0.0, 0.0, 0.0, 0.0, 0.0
+                for axis in range(axes):
+                    row = rows[r, axis]
+                    if row != 0.0:
+                        p1 += row * poly[e, 1, axis]
+                        p2 += row * poly[e, 2, axis]
+                        p3 += row * poly[e, 3, axis]
+                        c += row * cosine[e, axis]
+                        s += row * sine[e, axis]
+                along[r, 0], along[r, 1], along[r, 2], along[r, 3], along[r, 4] = p1, p2, p3, c, s
+                still = p1 == 0.0 and p2 == 0.0 and p3 == 0.0 and c == 0.0 and s == 0.0
+                moves[r] = not still
         if law[k, 1] == 0.0 and law[k, 2] == 0.0 and law[k, 3] == 0.0:
             continue
         for r in range(count):
-            p[:] = 0.0
-            for axis in range(axes):
-                row = rows[r, axis]
-                if row != 0.0:
-                    for n in range(3):
-                        p[n] += row * poly[e, n + 1, axis]
-                    p[3] += row * cosine[e, axis]
-                    p[4] += row * sine[e, axis]
-            if not p.any():
+            if not moves[r]:
                 continue
             n = 0
             begin[0], end[0], depth[0] = 0.0, time, 0
             while n >= 0:
                 low, high, deep = begin[n], end[n], depth[n]
                 n -= 1
-                value[0], value[1], value[2] = _interval(p, omega[e], law[k], low, high)
+                value[0], value[1], value[2] = _interval(along, r, omega[e], law, k, low, high)
                 settled = True
                 for q in range(3):
                     value[q] /= limit[q, r]
@@ -159,7 +175,7 @@ def worst(
                 if not settled and deep < DEPTH:
                     middle = 0.5 * (low + high)
                     for at in (low, middle, high):
-                        here = _interval(p, omega[e], law[k], at, at)
+                        here = _interval(along, r, omega[e], law, k, at, at)
                         for q in range(3):
                             actual[q, r] = max(actual[q, r], here[q] / limit[q, r])
                     settled = True
@@ -195,17 +211,17 @@ def jumps(
     axes = poly.shape[2]
     largest, after = np.zeros(3), np.zeros((3, axes))
     for k in range(element.size):
-        _state(poly, cosine, sine, omega, element[k], law[k], 0.0, after)
+        _state(poly, cosine, sine, omega, element[k], law, k, 0.0, after)
         for q in range(3):
             for axis in range(axes):
                 jump = abs(after[q, axis] - before[q, axis])
                 if not jump <= largest[q]:
                     largest[q] = jump
-        _state(poly, cosine, sine, omega, element[k], law[k], start[k + 1] - start[k], before)
+        _state(poly, cosine, sine, omega, element[k], law, k, start[k + 1] - start[k], before)
     return largest
 
 
-@compiled(error_model="numpy")
+@_part
 def _state(
     poly: Floats,
     cosine: Floats,
@@ -213,13 +229,15 @@ def _state(
     omega: Floats,
     e: int,
     law: Floats,
+    k: int,
     t: float,
     out: Floats,
 ) -> None:
-    """Put position, velocity and acceleration at a time on a piece into ``out``."""
-    s = law[0] + (law[1] + (law[2] + law[3] * t) * t) * t
-    v = law[1] + (2.0 * law[2] + 3.0 * law[3] * t) * t
-    a = 2.0 * law[2] + 6.0 * law[3] * t
+    """Put position, velocity and acceleration at a time on piece ``k`` into ``out``."""
+    c1, c2, c3 = law[k, 1], law[k, 2], law[k, 3]
+    s = law[k, 0] + (c1 + (c2 + c3 * t) * t) * t
+    v = c1 + (2.0 * c2 + 3.0 * c3 * t) * t
+    a = 2.0 * c2 + 6.0 * c3 * t
     w = omega[e]
     cos, sin = 1.0, 0.0
     if w != 0.0:
@@ -227,6 +245,9 @@ def _state(
     for axis in range(poly.shape[2]):
         p1, p2, p3 = poly[e, 1, axis], poly[e, 2, axis], poly[e, 3, axis]
         c, d = cosine[e, axis], sine[e, axis]
+        if p1 == 0.0 and p2 == 0.0 and p3 == 0.0 and c == 0.0 and d == 0.0:
+            out[0, axis], out[1, axis], out[2, axis] = poly[e, 0, axis], 0.0, 0.0
+            continue
         first = p1 + (2.0 * p2 + 3.0 * p3 * s) * s + w * (d * cos - c * sin)
         second = 2.0 * p2 + 6.0 * p3 * s - w * w * (c * cos + d * sin)
         out[0, axis] = poly[e, 0, axis] + (p1 + (p2 + p3 * s) * s) * s + c * cos + d * sin
@@ -235,26 +256,75 @@ def _state(
 
 
 @compiled(error_model="numpy")
-def hull(a: Floats, b: Floats, c: Floats, d: Floats, size: Floats) -> Floats:
-    """Return bounds of the lengths of ``a + b s + c s^2 + d s^3`` for s in 0..size, (m,).
+def distance(
+    poly: Floats,
+    cosine: Floats,
+    sine: Floats,
+    omega: Floats,
+    length: Floats,
+    run: NDArray[np.int64],
+    base: Floats,
+    along: Floats,
+    cosines: Floats,
+    sines: Floats,
+    omegas: Floats,
+    chord: Floats,
+    allowed: Floats,
+) -> Floats:
+    """Return bounds of the distance of elements from the runs that they stand for, (m,).
 
-    Each is the largest of the lengths of control points, all (m, 6); of X, Y, Z or of A, B, C.
+    Elements of a ``run`` (m,) follow each other. Runs are straight, ``base`` + ``along`` s, besides
+    ``cosines``, ``sines`` and ``omegas``; ``chord`` is what lies between them and what is
+    programmed. A bound of more than ``allowed`` is made sharper. These are (runs,) or (runs, 6).
     """
-    bound = np.empty(size.size)
-    for e in range(size.size):
-        h = size[e]
-        largest = 0.0
-        for part in range(2):
-            q0, q1, q2, q3 = 0.0, 0.0, 0.0, 0.0
+    bound, c = np.empty(length.size), np.empty((4, 6))
+    at = 0.0  # where on its run an element begins
+    for e in range(length.size):
+        q, h = run[e], length[e]
+        at = at + length[e - 1] if e > 0 and run[e - 1] == q else 0.0
+        w = omegas[q]
+        cos, sin = (math.cos(w * at), math.sin(w * at)) if w > 0.0 else (0.0, 0.0)
+        turn, across, around = 0.0, 0.0, 0.0  # squares of what is left of cosine, sine; cosine
+        for part in range(2):  # X, Y, Z and A, B, C
+            x, y, z = 0.0, 0.0, 0.0
             for axis in range(3 * part, 3 * part + 3):
-                first, second = a[e, axis], b[e, axis] * h
-                third, fourth = c[e, axis] * h * h, d[e, axis] * h * h * h
-                q0 += first**2
-                q1 += (first + second / 3.0) ** 2
-                q2 += (first + (2.0 * second + third) / 3.0) ** 2
-                q3 += (first + second + third + fourth) ** 2
-            largest = max(largest, q0, q1, q2, q3)
-            if not q3 >= 0.0:  # what is not a number is no bound
-                largest = math.inf
-        bound[e] = math.sqrt(largest)
+                c[0, axis] = poly[e, 0, axis] - base[q, axis] - along[q, axis] * at
+                c[1, axis] = poly[e, 1, axis] - along[q, axis]
+                c[2, axis], c[3, axis] = poly[e, 2, axis], poly[e, 3, axis]
+                x += (cosine[e, axis] - cosines[q, axis] * cos - sines[q, axis] * sin) ** 2
+                y += (sine[e, axis] - sines[q, axis] * cos + cosines[q, axis] * sin) ** 2
+                z += cosine[e, axis] ** 2
+            turn, across, around = max(turn, x), max(across, y), max(around, z)
+        rest = math.sqrt(turn) + math.sqrt(across) + chord[q]
+        rest += abs(omega[e] - w) * h * math.sqrt(around)
+        bound[e] = _hull(c, 0.0, h) + rest
+        if bound[e] > allowed[q]:  # control points lie outside of curves
+            largest = 0.0
+            for part in range(PARTS):
+                largest = max(largest, _hull(c, part * h / PARTS, h / PARTS))
+            bound[e] = largest + rest
     return bound
+
+
+@_part
+def _hull(c: Floats, at: float, h: float) -> float:
+    """Bound the length of the cubic with coefficients ``c`` (4, 6) over at..at + h.
+
+    By the largest of its control points; of X, Y, Z or of A, B, C.
+    """
+    largest = 0.0
+    for part in range(2):
+        q0, q1, q2, q3 = 0.0, 0.0, 0.0, 0.0
+        for axis in range(3 * part, 3 * part + 3):
+            c1, c2, c3 = c[1, axis], c[2, axis], c[3, axis]
+            first = c[0, axis] + (c1 + (c2 + c3 * at) * at) * at
+            second = (c1 + (2.0 * c2 + 3.0 * c3 * at) * at) * h
+            third, fourth = (c2 + 3.0 * c3 * at) * h * h, c3 * h * h * h
+            q0 += first**2
+            q1 += (first + second / 3.0) ** 2
+            q2 += (first + (2.0 * second + third) / 3.0) ** 2
+            q3 += (first + second + third + fourth) ** 2
+        largest = max(largest, q0, q1, q2, q3)
+        if not q3 >= 0.0:  # what is not a number is no bound
+            largest = math.inf
+    return math.sqrt(largest)

@@ -437,7 +437,6 @@ class Machine(_Table):
         for letter, axis in self.axis.items():
             limits[:, AXES.index(letter)] = axis.min, axis.max
         absent = np.isnan(limits[0])
-        reached = np.where(low < limits[0] - TRAVEL_MARGIN, low, high)
         outside = (low < limits[0] - TRAVEL_MARGIN) | (high > limits[1] + TRAVEL_MARGIN)
         outside |= absent & (high - low > 0)
         if not outside.any():
@@ -450,8 +449,8 @@ class Machine(_Table):
                 f"{place}: moves axis {letter}, which machine '{self.name}' does not have; only "
                 f"{', '.join(self.axes)}; remove the {letter} words or choose another machine"
             )
-        value, unit = reached[move, column], "mm" if letter in LINEAR else "degrees"
-        side = 0 if value < limits[0, column] else 1
+        side = 0 if low[move, column] < limits[0, column] - TRAVEL_MARGIN else 1
+        value, unit = (low, high)[side][move, column], "mm" if letter in LINEAR else "degrees"
         raise MotionLimitError(
             f"{place}: {letter} reaches {value:.6g} {unit} (machine position), beyond "
             f"axis.{letter}.{('min', 'max')[side]} = {limits[side, column]:g}; check the work "
@@ -483,8 +482,9 @@ def move_extents(moves: Moves) -> tuple[NDArray[np.float64], NDArray[np.float64]
             (first, -1, np.pi),
             (second, -1, -np.pi / 2),
         ]:
-            crossed = arcs[np.mod(direction - begin, 2 * np.pi) <= size]
-            extreme = (moves.center[arcs, axis] + sign * radius)[np.isin(arcs, crossed)]
+            there = np.mod(direction - begin, 2 * np.pi) <= size
+            crossed = arcs[there]
+            extreme = moves.center[crossed, axis] + sign * radius[there]
             side = high if sign > 0 else low
             side[crossed, axis] = (np.maximum if sign > 0 else np.minimum)(
                 side[crossed, axis], extreme

@@ -195,12 +195,22 @@ def traced(
 
 
 @compiled(error_model="numpy")
-def _peak_cosine(phase: float, angle: float) -> float:
-    """Return the largest ``|cos(theta - phase)|`` for theta in 0..angle."""
-    first = math.ceil(-phase / math.pi) * math.pi + phase  # first extreme at theta >= 0
-    if first <= angle:
-        return 1.0
-    return max(abs(math.cos(phase)), abs(math.cos(angle - phase)))
+def _peaks(
+    cosine: float, sine: float, c0: float, s0: float, c1: float, s1: float, turn: float
+) -> tuple[float, float]:
+    """Return the largest sizes of the slope of a wave and of the wave itself.
+
+    The wave is ``cosine`` cos(u) + ``sine`` sin(u), over ``turn`` from the angle with cosine ``c0``
+    and sine ``s0`` to that with ``c1`` and ``s1``.
+    """
+    slope0, slope1 = sine * c0 - cosine * s0, sine * c1 - cosine * s1
+    wave0, wave1 = cosine * c0 + sine * s0, cosine * c1 + sine * s1
+    slope, wave = max(abs(slope0), abs(slope1)), max(abs(wave0), abs(wave1))
+    if turn >= math.pi or slope0 * slope1 < 0.0:
+        wave = math.hypot(cosine, sine)
+    if turn >= math.pi or wave0 * wave1 < 0.0:
+        slope = math.hypot(cosine, sine)
+    return slope, wave
 
 
 @compiled(error_model="numpy")
@@ -217,7 +227,7 @@ def _limits(
     """Return the largest square of the speed, and the path acceleration possible up to it."""
     line, swing = work[0], work[1]  # parts of x' along each row
     along, bend = work[2], work[3]  # largest x' and x'' along each row
-    count = limits.velocity.size
+    count, cos, sin = limits.velocity.size, math.cos(turn), math.sin(turn)
     top = feed * feed
     for r in range(count):
         c, s = 0.0, 0.0
@@ -230,8 +240,9 @@ def _limits(
         swing[r] = omega * math.hypot(c, s)
         along[r] = line[r]
         if swing[r] > 0.0:
-            along[r] += swing[r] * _peak_cosine(math.atan2(-c, s), turn)
-            bend[r] = omega * swing[r] * _peak_cosine(math.atan2(s, c), turn)
+            slope, wave = _peaks(c, s, 1.0, 0.0, cos, sin, turn)
+            along[r] += omega * slope
+            bend[r] = omega * omega * wave
         if along[r] > 0.0:
             top = min(top, (limits.velocity[r] / along[r]) ** 2)
         if bend[r] > 0.0:

@@ -81,8 +81,9 @@ def _limits(machine: Machine, moves: Moves) -> tuple[NDArray[np.float64], ...]:
     """Return rows that the moves use, and their limits."""
     rows, *limits = *machine.limit_rows(), machine.jerk_limits()
     moving = (np.diff(moves.end, axis=0, prepend=moves.start[None]) != 0).any(axis=0)
-    for plane in np.unique(moves.plane[moves.kind == MoveKind.ARC]):
-        moving[list(Plane(plane).axes)] = True
+    arcs = moves.kind == MoveKind.ARC
+    for plane in Plane:
+        moving[list(plane.axes)] |= (arcs & (moves.plane == plane)).any()
     used = (rows[:, moving] != 0).any(axis=1)
     return rows[used], *(limit[used] * (1 - MARGIN) for limit in limits)
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.compiled import compiled
-from pulsewright.motion.path import Elements, Floats, Ints, Limits, _peak_cosine
+from pulsewright.motion.path import Elements, Floats, Ints, Limits, _peaks
 
 BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
 TWIST_SHARE = 0.9  # of the jerk, for bending at constant speed
@@ -50,8 +50,8 @@ SPLITS = (0.35, 0.65, 0.2, 0.8)  # where the two pieces of a cell may meet, besi
 BRIDGES = (1, 2, 3, 5, 8, 13)  # cells on both sides of a broken one that change with it
 WORTH = 0.01  # of a run's time, lost to the jerk: then it is worth to raise speeds
 GAIN = 0.03  # the same of some cells
-WIDE = 32  # cells whose speeds are raised together, at most; and half as many, and so on
-RAISES = (0.3, 0.09, 0.027)  # of the squares of speeds, in the middle of these cells
+WIDE = 16  # cells whose speeds are raised together, at most; and half as many, and so on
+RAISE = 0.027  # of the squares of speeds, in the middle of these cells, at least
 NEVER = 1.08  # of the second-order optimum: squares of speeds are lower
 PARTS = 4096  # cells of one element at most
 
@@ -68,10 +68,9 @@ class Cells(NamedTuple):
     element: Ints  # (n,) the first element
     offset: Floats  # (n,) where on it the cell begins
     size: Floats  # (n,); 0 for a rest
-    feed: Floats  # (n,)
     rest: NDArray[np.bool_]  # (n,) whether the machine rests at the end
     row: Ints  # (n,) of ``share``: cells of one line have the same
-    share: Floats  # (p, r, 6)
+    share: Floats  # (p, r, 6); that of ``v`` is in the first row, also for the feed
     rows: Ints  # (p,) how many rows of it matter: they come first
 
 
@@ -79,6 +78,11 @@ class Cells(NamedTuple):
 def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, share: Floats) -> None:
     """Raise the shares (r, 6) of a cell to those of a part of element ``e``."""
     w, h, rows = path.omega[e], end - begin, limits.rows
+    share[0, 0] = max(share[0, 0], 1.0 / path.feed[e])
+    c0, s0, c1, s1 = 1.0, 0.0, 1.0, 0.0
+    if w != 0.0:
+        c0, s0 = math.cos(w * begin), math.sin(w * begin)
+        c1, s1 = math.cos(w * end), math.sin(w * end)
     for r in range(rows.shape[0]):
         p1, p2, p3, c, s = 0.0, 0.0, 0.0, 0.0, 0.0
         for axis in range(6):
@@ -90,40 +94,38 @@ def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, sha
                 c += row * path.cosine[e, axis]
                 s += row * path.sine[e, axis]
         third = abs(6.0 * p3)
-        c0 = 2.0 * p2 + 6.0 * p3 * begin
-        c1 = c0 + 6.0 * p3 * h
-        second = max(abs(c0), abs(c1))
+        bend = 2.0 * p2 + 6.0 * p3 * begin
+        second = max(abs(bend), abs(bend + 6.0 * p3 * h))
         e0 = p1 + (2.0 * p2 + 3.0 * p3 * begin) * begin
         e1 = p1 + (2.0 * p2 + 3.0 * p3 * end) * end
         first = max(abs(e0), abs(e1))
         if p3 != 0.0:
-            first = max(first, abs(e0 + 0.5 * c0 * h))
+            first = max(first, abs(e0 + 0.5 * bend * h))
         if c != 0.0 or s != 0.0:
-            swing, turn = math.hypot(c, s), w * h
-            along = _peak_cosine(math.atan2(-c, s) - w * begin, turn)
-            inward = _peak_cosine(math.atan2(s, c) - w * begin, turn)
-            first += w * swing * along
-            second += w * w * swing * inward
-            third += w**3 * swing * along
-        share[r, 0] = max(share[r, 0], first / limits.velocity[r])
-        share[r, 1] = max(share[r, 1], first / limits.acceleration[r])
-        share[r, 2] = max(share[r, 2], first / limits.jerk[r])
-        share[r, 3] = max(share[r, 3], second / limits.acceleration[r])
-        share[r, 4] = max(share[r, 4], 3.0 * second / limits.jerk[r])
-        share[r, 5] = max(share[r, 5], third / limits.jerk[r])
+            along, inward = _peaks(c, s, c0, s0, c1, s1, w * h)
+            first += w * along
+            second += w * w * inward
+            third += w**3 * along
+        per_acceleration, per_jerk = 1.0 / limits.acceleration[r], 1.0 / limits.jerk[r]
+        share[0, 0] = max(share[0, 0], first / limits.velocity[r])
+        share[r, 1] = max(share[r, 1], first * per_acceleration)
+        share[r, 2] = max(share[r, 2], first * per_jerk)
+        share[r, 3] = max(share[r, 3], second * per_acceleration)
+        share[r, 4] = max(share[r, 4], 3.0 * second * per_jerk)
+        share[r, 5] = max(share[r, 5], third * per_jerk)
 
 
 @_part
-def _cap(share: Floats, rows: int, feed: float) -> float:
+def _cap(share: Floats, rows: int) -> float:
     """Return the largest square of the speed on a cell."""
-    top = feed * feed
+    bend, twist = 0.0, 0.0
     for r in range(rows):
-        if share[r, 0] > 0.0:
-            top = min(top, 1.0 / (share[r, 0] * share[r, 0]))
-        if share[r, 3] > 0.0:
-            top = min(top, BEND_SHARE / share[r, 3])
-        if share[r, 5] > 0.0 and top * math.sqrt(top) * share[r, 5] > TWIST_SHARE:
-            top = (TWIST_SHARE / share[r, 5]) ** (2 / 3)
+        bend, twist = max(bend, share[r, 3]), max(twist, share[r, 5])
+    top = 1.0 / (share[0, 0] * share[0, 0])
+    if bend * top > BEND_SHARE:
+        top = BEND_SHARE / bend
+    if twist * top * math.sqrt(top) > TWIST_SHARE:
+        top = (TWIST_SHARE / twist) ** (2 / 3)
     return top
 
 
@@ -224,7 +226,7 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
     ``square`` is that of the speed at the start.
     """
     m, rows = path.length.size, limits.velocity.size
-    share = np.zeros((m + m // 2 + 64, rows, 6))  # of whole elements first
+    share = np.empty((m + m // 2 + 64, rows, 6))  # of whole elements first
     cap, ramp = np.zeros(m), np.zeros(m)
     delay = 0.0
     for r in range(rows):
@@ -233,10 +235,11 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
     speed = np.zeros(m + 1)
     speed[0] = square
     for e in range(m):
+        _clear(share[e])
         if path.length[e] == 0.0:
             continue
         _bound(path, limits, e, 0.0, path.length[e], share[e])
-        cap[e] = _cap(share[e], rows, path.feed[e])
+        cap[e] = _cap(share[e], rows)
         steepest = 0.0
         for r in range(rows):
             steepest = max(steepest, share[e, r, 1])
@@ -313,12 +316,12 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
                 element[n], offset[n], length[n] = e, cut[i], cut[i + 1] - cut[i]
                 n += 1
         e += count
-    feed, rest, row = np.empty(n), np.zeros(n, np.bool_), np.empty(n, np.int64)
+    rest, row = np.zeros(n, np.bool_), np.empty(n, np.int64)
     used = m
     for c in range(n):
         e = element[c]
         after = element[c + 1] if c + 1 < n else m
-        feed[c], row[c] = path.feed[e], e
+        row[c] = e
         if path.length[e] == 0.0:
             rest[c] = True
             continue
@@ -330,39 +333,57 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
             if not bends or length[c] == path.length[e]:
                 continue
         if used == share.shape[0]:
-            more = np.zeros((2 * used, rows, 6))
+            more = np.empty((2 * used, rows, 6))
             for p in range(used):
                 for r in range(rows):
                     for k in range(6):
                         more[p, r, k] = share[p, r, k]
             share = more
         row[c] = used
+        _clear(share[used])
         if after <= e + 1:
             _bound(path, limits, e, offset[c], offset[c] + length[c], share[used])
         else:
             for j in range(e, after):
-                feed[c] = min(feed[c], path.feed[j])
                 for r in range(rows):
                     for k in range(6):
                         share[used, r, k] = max(share[used, r, k], share[j, r, k])
         used += 1
-    matter = np.empty(used, np.int64)
-    for p in range(used):
-        matter[p] = _compacted(share[p])
-    return Cells(element[:n], offset[:n], length[:n], feed, rest, row, share[:used], matter)
+    matter = np.zeros(used, np.int64)
+    for c in range(n):
+        if c == 0 or row[c] != row[c - 1]:
+            matter[row[c]] = _compacted(share[row[c]])
+    return Cells(element[:n], offset[:n], length[:n], rest, row, share[:used], matter)
+
+
+@_part
+def _clear(share: Floats) -> None:
+    """Put 0 into the shares (r, 6) of a cell."""
+    for r in range(share.shape[0]):
+        for k in range(6):
+            share[r, k] = 0.0
 
 
 @_part
 def _compacted(share: Floats) -> int:
     """Put the rows that matter first, and return how many: where the path is straight, one."""
     rows: int = share.shape[0]
+    n = 0
     for r in range(rows):
         if share[r, 3] > 0.0 or share[r, 5] > 0.0:
-            return rows
-    for k in range(3):
+            n = rows
+    if n == 0:
         for r in range(1, rows):
-            share[0, k] = max(share[0, k], share[r, k])
-    return 1
+            share[0, 1] = max(share[0, 1], share[r, 1])
+            share[0, 2] = max(share[0, 2], share[r, 2])
+        return 1
+    n = 0
+    for r in range(rows):
+        if share[r, 1] > 0.0:
+            for k in range(1, 6):
+                share[n, k] = share[r, k]
+            n += 1
+    return n
 
 
 @_part
@@ -519,22 +540,22 @@ class Task(NamedTuple):
     jerk: Floats  # (n,) path jerk left
     split: Floats  # (n,) of a cell's time, for the first of its two pieces
     node: Ints  # (n + 1,) scratch
-    work: Floats  # (8, n + 1) scratch
+    work: Floats  # (9, n + 1) scratch
 
 
 @_part
 def _pieces(
-    b0: float, b1: float, a0: float, a1: float, size: float, split: float
+    v0: float, v1: float, a0: float, a1: float, size: float, split: float
 ) -> tuple[float, float, float]:
     """Return the time of a cell, and acceleration and speed where its two pieces meet.
 
     The first of them, each of constant jerk, lasts ``split`` of that time. The time is negative if
     there is no solution.
     """
-    v0, v1, rest = math.sqrt(b0), math.sqrt(b1), 1.0 - split
+    rest = 1.0 - split
     mean = split * a0 + rest * a1
-    linear = (v0 * (1.0 + split) + v1 * (1.0 + rest)) / 3.0
-    bend = (2.0 * (split * split * a0 - rest * rest * a1) - (split - rest) * mean) / 6.0
+    linear = (v0 * (1.0 + split) + v1 * (1.0 + rest)) * (1 / 3)
+    bend = (2.0 * (split * split * a0 - rest * rest * a1) - (split - rest) * mean) * (1 / 6)
     square = linear * linear + 4.0 * bend * size
     if square <= 0.0:
         return -1.0, 0.0, 0.0
@@ -545,13 +566,11 @@ def _pieces(
 
 @_part
 def _used(
-    cells: Cells, c: int, b0: float, b1: float, a0: float, a1: float, split: float
+    cells: Cells, c: int, v0: float, v1: float, a0: float, a1: float, split: float
 ) -> tuple[float, float, float, float]:
     """Return the time of cell ``c``, and the used shares of velocity, acceleration and jerk."""
     row = cells.row[c]
-    return _use(
-        cells.share, row, cells.rows[row], cells.feed[c], cells.size[c], b0, b1, a0, a1, split
-    )
+    return _use(cells.share, row, cells.rows[row], cells.size[c], v0, v1, a0, a1, split)
 
 
 @_part
@@ -559,10 +578,9 @@ def _use(
     share: Floats,
     row: int,
     rows: int,
-    feed: float,
     size: float,
-    b0: float,
-    b1: float,
+    v0: float,
+    v1: float,
     a0: float,
     a1: float,
     split: float,
@@ -571,10 +589,9 @@ def _use(
 
     Arguments are few, as this is called most.
     """
-    time, am, vm = _pieces(b0, b1, a0, a1, size, split)
+    time, am, vm = _pieces(v0, v1, a0, a1, size, split)
     if time < 0.0:
         return time, 1.0, 1.0, 8.0
-    v0, v1 = math.sqrt(b0), math.sqrt(b1)
     top, low = max(v0, v1, vm), vm
     if a0 * am < 0.0:  # an extreme inside the first piece
         inside = v0 + 0.5 * a0 * split * time * a0 / (a0 - am)
@@ -587,10 +604,9 @@ def _use(
     rate = max(abs(a0), abs(a1), abs(am))
     most = max(abs(am - a0) * (1.0 - split), abs(a1 - am) * split)
     j = most / (split * (1.0 - split) * time)
-    velocity, acceleration, jerk = top / feed, 0.0, 0.0
+    velocity, acceleration, jerk = share[row, 0, 0] * top, 0.0, 0.0
     square, cube, mixed = top * top, top * top * top, top * rate
     for r in range(rows):
-        velocity = max(velocity, share[row, r, 0] * top)
         acceleration = max(acceleration, share[row, r, 3] * square + share[row, r, 1] * rate)
         used = share[row, r, 5] * cube + share[row, r, 4] * mixed + share[row, r, 2] * j
         jerk = max(jerk, used)
@@ -600,7 +616,8 @@ def _use(
 @_part
 def _holds(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> bool:
     """Return whether the law of a cell keeps the limits."""
-    _, v, s, j = _used(cells, c, b[c], b[c + 1], a[c], a[c + 1], split)
+    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+    _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], split)
     return max(v, s, j) <= 1.0 + ROUNDING
 
 
@@ -621,13 +638,13 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     b, a = np.zeros(n + 1), np.zeros(n + 1)
     task = Task(
         grid, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
-        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((8, n + 1)),
+        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((9, n + 1)),
     )  # fmt: skip
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
     for c in range(n):
         if grid.size[c] > 0.0:
-            task.cap[c] = _cap(grid.share[grid.row[c]], grid.rows[grid.row[c]], grid.feed[c])
+            task.cap[c] = _cap(grid.share[grid.row[c]], grid.rows[grid.row[c]])
     b[0], a[0] = square, slope
     first = 0
     while first < n:
@@ -686,10 +703,12 @@ def _check(
     bridge: bool,
 ) -> int:
     """Find the cells whose law breaks a limit, tighten limits there, and return how many."""
-    count, cells = 0, task.cells
+    count, cells, v0 = 0, task.cells, math.sqrt(b[first])
     for c in range(first, last):
-        task.split[c] = 0.5
-        broken[c] = not _holds(cells, b, a, c, 0.5)
+        task.split[c], v1 = 0.5, math.sqrt(b[c + 1])
+        _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], 0.5)
+        broken[c] = not max(v, s, j) <= 1.0 + ROUNDING
+        v0 = v1
     for c in range(first, last):
         if not broken[c]:
             continue
@@ -706,7 +725,7 @@ def _check(
                 task.soft[near] *= 0.9
                 task.ease[near] = min(task.ease[near], max(0.95 * level / task.cap[near], 1e-3))
             continue
-        _, v, s, j = _used(cells, c, b[c], b[c + 1], a[c], a[c + 1], 0.5)
+        _, v, s, j = _used(cells, c, math.sqrt(b[c]), math.sqrt(b[c + 1]), a[c], a[c + 1], 0.5)
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
@@ -727,10 +746,14 @@ def _bridged(
 ) -> bool:
     """Lead one law of two pieces over ever more cells around a broken one, until limits hold."""
     cells, size, split = task.cells, task.cells.size, task.split
-    for share in SPLITS:
-        if _holds(cells, b, a, c, share):
-            split[c], broken[c] = share, False
-            return True
+    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+    _, v, s, _ = _used(cells, c, v0, v1, a[c], a[c + 1], 0.5)
+    if max(v, s) <= 1.0 + ROUNDING:
+        for share in SPLITS:
+            _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], share)
+            if max(v, s, j) <= 1.0 + ROUNDING:
+                split[c], broken[c] = share, False
+                return True
     keep, hold, part = task.work[0], task.work[1], task.work[2]
     low, high = c, c + 1
     for reach in BRIDGES:
@@ -741,9 +764,10 @@ def _bridged(
         for i in range(low, high):
             total += size[i]
             keep[i], hold[i], part[i] = b[i], a[i], split[i]
+        v0, v1 = math.sqrt(b[low]), math.sqrt(b[high])
         for way in range(3):
             share = 0.5 + 0.2 * (way if way < 2 else -1)
-            time, middle, _ = _pieces(b[low], b[high], a[low], a[high], total, share)
+            time, middle, _ = _pieces(v0, v1, a[low], a[high], total, share)
             if time > 0.0 and _spread(task, b, a, low, high, time, middle, share):
                 for i in range(low, high):
                     broken[i] = False
@@ -799,7 +823,7 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     worst, cells = 1.0, task.cells
     for c in range(first, last):
         task.split[c] = 0.5
-        _, v, s, j = _used(cells, c, b[c], b[c + 1], a[c], a[c + 1], 0.5)
+        _, v, s, j = _used(cells, c, math.sqrt(b[c]), math.sqrt(b[c + 1]), a[c], a[c + 1], 0.5)
         worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
     for i in range(first, last + 1):
         b[i] /= worst * worst
@@ -809,95 +833,96 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 @_part
 def _raise(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Raise speeds between two nodes where they are far below the second-order optimum."""
-    cells, best, place, span = task.cells, task.work[6], task.work[0], task.work[1]
-    passed, lost = task.work[2], task.work[3]  # until a node; lost is what ``best`` would save
+    size, pace, best = task.cells.size, task.work[4], task.work[5]
+    passed, lost = task.work[2], task.work[3]  # until a node; lost is what the optimum would save
     for c in range(first, last):
         task.ease[c] = 1.0
     best[first], best[last] = b[first], b[last]
     _envelope(task, best, first, last)
-    _add_up(cells.size, b, best, first, last, passed, lost)
-    if not lost[last] >= WORTH * passed[last]:
+    whole, less = 0.0, 0.0
+    for i in range(first + 1, last):
+        pace[i], best[i] = 1.0 / math.sqrt(b[i]), 1.0 / math.sqrt(best[i])
+        whole += size[i] * pace[i]
+        less += size[i] * best[i]
+    if not whole - less >= WORTH * whole:
         return
-    place[first] = 0.0
+    place, span = task.work[0], task.work[1]
+    place[first], v0 = 0.0, math.sqrt(b[first])
     for c in range(first, last):
-        place[c + 1] = place[c] + cells.size[c]
-        span[c] = _pieces(b[c], b[c + 1], a[c], a[c + 1], cells.size[c], task.split[c])[0]
+        v1 = math.sqrt(b[c + 1])
+        place[c + 1] = place[c] + size[c]
+        span[c] = _pieces(v0, v1, a[c], a[c + 1], size[c], task.split[c])[0]
+        v0 = v1
+    passed[first], lost[first], worst = 0.0, 0.0, first
     width = WIDE
     while width > 1:
+        for i in range(first + 1, last):
+            passed[i] = passed[i - 1] + size[i] * pace[i]
+            lost[i] = lost[i - 1] + size[i] * (pace[i] - best[i])
         low = first
         while low + 1 < last:
             high = min(low + width, last)
             if lost[high - 1] - lost[low] > GAIN * (passed[high - 1] - passed[low]):
-                _raised(task, b, a, low, high)
+                worst = _raised(task, b, a, low, high, worst)
             low += width // 2
         width //= 2
-        _add_up(cells.size, b, best, first, last, passed, lost)
 
 
 @_part
-def _add_up(
-    size: Floats, b: Floats, best: Floats, first: int, last: int, passed: Floats, lost: Floats
-) -> None:
-    """Put about the times until nodes into ``passed``, and what ``best`` would save into ``lost``.
-
-    These of the last node are those of the one before it.
-    """
-    passed[first], lost[first] = 0.0, 0.0
-    for i in range(first + 1, last):
-        span = size[i] / math.sqrt(b[i])
-        passed[i] = passed[i - 1] + span
-        lost[i] = lost[i - 1] + span * (1.0 - math.sqrt(b[i] / best[i]))
-    passed[last], lost[last] = passed[last - 1], lost[last - 1]
-
-
-@_part
-def _raised(task: Task, b: Floats, a: Floats, low: int, high: int) -> None:
+def _raised(task: Task, b: Floats, a: Floats, low: int, high: int, worst: int) -> int:
     """Raise ``b`` between two nodes by a smooth factor, if that saves time and keeps the limits.
 
     The factor is 1 + share (1 - z^2)^3 for z from -1 to 1, so b, a and the jerk have no jump.
+    Cell ``worst`` is tried first if it is one of these. Return the one that broke a limit.
     """
     cells, split, place, span = task.cells, task.split, task.work[0], task.work[1]
-    best, square, slope, took = task.work[6], task.work[4], task.work[5], task.work[7]
-    half, middle = 0.5 * (place[high] - place[low]), 0.5 * (place[high] + place[low])
+    pace, best = task.work[4], task.work[5]  # times over distance
+    speed, slope, took = task.work[6], task.work[7], task.work[8]
+    middle, wide = 0.5 * (place[high] + place[low]), 2.0 / (place[high] - place[low])
     peak = low + (high - low) // 2
-    worst = peak  # the cell that broke a limit
-    for share in RAISES:
-        if b[peak] * (1.0 + 0.8 * share) > NEVER * best[peak]:
-            continue
-        holds, saved = True, 0.0
-        b0, a0 = _bump(b[worst], a[worst], (place[worst] - middle) / half, half, share)
-        b1, a1 = _bump(b[worst + 1], a[worst + 1], (place[worst + 1] - middle) / half, half, share)
-        there, v, s, j = _used(cells, worst, b0, b1, a0, a1, split[worst])
-        if max(v, s, j) > 1.0 + ROUNDING:
-            continue
-        b0, a0 = b[low], a[low]
-        for c in range(low, high):
-            z = (place[c + 1] - middle) / half
-            b1, a1 = _bump(b[c + 1], a[c + 1], z, half, share)
-            square[c + 1], slope[c + 1] = b1, a1
-            time = there
+    if not low <= worst < high:
+        worst = peak
+    share, rising = RAISE, True
+    while share >= RAISE:
+        holds = b[peak] * (1.0 + 0.8 * share) * best[peak] * best[peak] <= NEVER
+        there = 0.0
+        if holds:
+            z0, z1 = (place[worst] - middle) * wide, (place[worst + 1] - middle) * wide
+            b0, a0 = _bump(b[worst], a[worst], z0, wide, share)
+            b1, a1 = _bump(b[worst + 1], a[worst + 1], z1, wide, share)
+            there, v, s, j = _used(cells, worst, math.sqrt(b0), math.sqrt(b1), a0, a1, split[worst])
+            holds = max(v, s, j) <= 1.0 + ROUNDING
+        saved = 0.0
+        v0, a0, c = math.sqrt(b[low]), a[low], low
+        while holds and c < high:
+            b1, a1 = _bump(b[c + 1], a[c + 1], (place[c + 1] - middle) * wide, wide, share)
+            v1, time = math.sqrt(b1), there
             if c != worst:
-                time, v, s, j = _used(cells, c, b0, b1, a0, a1, split[c])
+                time, v, s, j = _used(cells, c, v0, v1, a0, a1, split[c])
                 if max(v, s, j) > 1.0 + ROUNDING:
                     holds, worst = False, c
-                    break
-            took[c] = time
+            speed[c + 1], slope[c + 1], took[c] = v1, a1, time
             saved += span[c] - time
-            b0, a0 = b1, a1
+            v0, a0 = v1, a1
+            c += 1
         if holds and saved > 0.0:
             for i in range(low + 1, high):
-                b[i], a[i] = square[i], slope[i]
-            for c in range(low, high):
-                span[c] = took[c]
+                b[i], a[i], pace[i] = speed[i] * speed[i], slope[i], 1.0 / speed[i]
+            for i in range(low, high):
+                span[i] = took[i]
+        else:
+            rising = False
+        share *= 2.0 if rising else 0.5
+    return worst
 
 
 @_part
-def _bump(b: float, a: float, z: float, half: float, share: float) -> tuple[float, float]:
+def _bump(b: float, a: float, z: float, wide: float, share: float) -> tuple[float, float]:
     """Return raised values of ``b`` and ``a`` at a node."""
     flat = max(1.0 - z * z, 0.0)
     bump = share * flat * flat
     factor = 1.0 + bump * flat
-    return b * factor, a * factor - 3.0 * z * bump / half * b
+    return b * factor, a * factor - 3.0 * z * bump * wide * b
 
 
 @_part
@@ -987,9 +1012,10 @@ def law(
             continue
         after = at[c + 1] if c + 1 < n else m
         final = max(after - 1, e)  # the last element of the cell
-        whole, middle, vm = _pieces(b[c], b[c + 1], a[c], a[c + 1], size[c], split[c])
+        v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+        whole, middle, vm = _pieces(v0, v1, a[c], a[c + 1], size[c], split[c])
         for half in range(2):
-            v, x = (math.sqrt(b[c]), a[c]) if half == 0 else (vm, middle)
+            v, x = (v0, a[c]) if half == 0 else (vm, middle)
             end = middle if half == 0 else a[c + 1]
             left = (split[c] if half == 0 else 1.0 - split[c]) * whole
             j = (end - x) / left

@@ -599,8 +599,8 @@ def _use(
     if am * a1 < 0.0:
         inside = vm + 0.5 * am * (1.0 - split) * time * am / (am - a1)
         top, low = max(top, inside), min(low, inside)
-    if low < 0.0:
-        return time, 1.0, 1.0, 8.0
+    if low < 0.0:  # back and forth
+        return -1.0, 1.0, 1.0, 8.0
     rate = max(abs(a0), abs(a1), abs(am))
     most = max(abs(am - a0) * (1.0 - split), abs(a1 - am) * split)
     j = most / (split * (1.0 - split) * time)
@@ -746,14 +746,10 @@ def _bridged(
 ) -> bool:
     """Lead one law of two pieces over ever more cells around a broken one, until limits hold."""
     cells, size, split = task.cells, task.cells.size, task.split
-    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
-    _, v, s, _ = _used(cells, c, v0, v1, a[c], a[c + 1], 0.5)
-    if max(v, s) <= 1.0 + ROUNDING:
-        for share in SPLITS:
-            _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], share)
-            if max(v, s, j) <= 1.0 + ROUNDING:
-                split[c], broken[c] = share, False
-                return True
+    for share in SPLITS:
+        if _holds(cells, b, a, c, share):
+            split[c], broken[c] = share, False
+            return True
     keep, hold, part = task.work[0], task.work[1], task.work[2]
     low, high = c, c + 1
     for reach in BRIDGES:
@@ -819,12 +815,24 @@ def _spread(
 
 @_part
 def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
-    """Let time pass more slowly from rest to rest, such that all limits hold."""
-    worst, cells = 1.0, task.cells
-    for c in range(first, last):
-        task.split[c] = 0.5
-        _, v, s, j = _used(cells, c, math.sqrt(b[c]), math.sqrt(b[c + 1]), a[c], a[c + 1], 0.5)
-        worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
+    """Let time pass more slowly from rest to rest, such that all limits hold.
+
+    Where a cell has no law from one state to the other, it has none at any speed; then the speed is
+    steady at all nodes, between which there is always one.
+    """
+    for steady in range(2):
+        worst, solved = 1.0, True
+        if steady == 1:
+            for i in range(first + 1, last):
+                a[i] = 0.0
+        for c in range(first, last):
+            task.split[c] = 0.5
+            v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+            time, v, s, j = _used(task.cells, c, v0, v1, a[c], a[c + 1], 0.5)
+            solved &= time > 0.0
+            worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
+        if solved:
+            break
     for i in range(first, last + 1):
         b[i] /= worst * worst
         a[i] /= worst * worst

@@ -25,6 +25,7 @@ MERGE_SHARE = 0.42  # of the tolerance, for chords; the rest is for blends
 LONGEST_RUN = 64  # moves that one chord may replace
 BLEND_SHARE = 0.1  # of acceleration and jerk at full speed; a blend need not take less
 SLIVER = 1e-13  # of a segment: so small a part is none; what it bends is rounding
+OVERLAP = 1e-8  # of the smaller one of two blends on a segment: such a part of it is none, too
 ROUNDING = 1e-11  # of positions, left of tolerances [mm, degrees]
 LEAST_BLEND = 1e-7  # of a segment: in a smaller one, rounding would be felt; the machine rests
 SHORT_BLEND = 0.1  # of the stopping distance: so short a blend hinders no change of speed
@@ -460,7 +461,7 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
                 room = max(0.5 * room, room - apart)
             size[k, side] = min(wanted[k], room)
         least, most = min(size[k, 0], size[k, 1]), max(size[k, 0], size[k, 1])
-        uneven = (1.0 + SLIVER) * least < most <= UNEVEN * least and most < wanted[k]
+        uneven = (1.0 + OVERLAP) * least < most <= UNEVEN * least and most < wanted[k]
         if curved[k] or not (uneven and _is_hasty(turn[k], least, s.top[k], limits)):
             size[k, 0] = size[k, 1] = least
         if least < LEAST_BLEND * max(s.length[k], s.length[k + 1]):
@@ -539,6 +540,7 @@ def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags)
         w, full = s.omega[k], s.length[k]
         before = size[k - 1, 1] if k > 0 else 0.0
         after = size[k, 0]
+        sliver = max(SLIVER * full, OVERLAP * min(before, after))
         cut[0], count = 0.0, 1
         if before > 0.0:
             if halved[k - 1]:
@@ -560,7 +562,7 @@ def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags)
         begin = 0.0
         for i in range(1, count + 1):
             end = cut[i]
-            if i < count and (end - begin <= SLIVER * full or full - end <= SLIVER * full):
+            if i < count and (end - begin <= sliver or full - end <= sliver):
                 continue
             c, d = 1.0, 0.0
             if w > 0.0:

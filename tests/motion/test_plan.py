@@ -217,6 +217,41 @@ def test_noise_of_rounded_chords_does_not_slow_the_machine_down():
     assert trajectory.duration <= 1.1 * (25.4 * 2 * math.pi / 60 + 0.12 + RISE)
 
 
+def fast(jerk):
+    """Return a machine of 200 mm/s and 3000 mm/s^2."""
+    changes = {"velocity": 200.0, "acceleration": 3000.0, "jerk": jerk}
+    axes = {letter: axis.model_copy(update=changes) for letter, axis in MACHINE.axis.items()}
+    return MACHINE.model_copy(update={"axis": axes})
+
+
+@pytest.mark.parametrize(
+    ("digits", "jerk"), [(3, 3e5), (4, 3e5), (6, 3e5), (12, 3e5), (9, 1e6), (12, 1e6)]
+)
+def test_chords_that_differ_by_rounding_are_driven_like_their_curve(digits, jerk):
+    # on the circle, 7 % of 3e5 mm/s^3 and 2/3 of the acceleration are in use at 200 mm/s
+    angle = np.linspace(0, 2 * np.pi, 181)[1:]
+    points = np.round(20 * np.column_stack([np.cos(angle), np.sin(angle)]), digits)
+    moves = program([(point, 200) for point in points], start=(20, 0), tolerance=0.02)
+    trajectory = planned(moves, fast(jerk))
+    assert trajectory.duration <= 1.02 * (40 * math.pi / 200 + 200 / 3000 + 3000 / jerk)
+
+
+def test_blend_of_two_nearly_equal_lines_takes_all_of_them():
+    steps = [((1, 0), 200), ((1 + 1.2 * math.cos(0.2), 1.2 * math.sin(0.2)), 200)]
+    trajectory = planned(program(steps, tolerance=0.1), fast(3e5))
+    assert trajectory.length == pytest.approx([0.5, 0.5, 0.6, 0.6])
+    turn = np.array([math.cos(0.2) - 1, math.sin(0.2)])
+    # curvature over the turn: a triangle of area 1, with its peak at the corner, ends 0.2 / 3 too
+    # far to the right; u more in the middle of the first line and u / 1.2 less in that of the
+    # second one keep the area, and move it by u (1 + 1.2) / 4
+    peak, u = 2 / 2.2, 4 * 0.2 / 3 / 2.2
+    middle = [peak / 2 + u, peak / 2 - u / 1.2]
+    bends = np.array([0, middle[0], peak, middle[1]])
+    assert 2 * trajectory.poly[:, 2, :2] == pytest.approx(bends[:, None] * turn, abs=1e-12)
+    deviation = peak * 1.2**2 / 6 - u / 1.2 * 1.2**2 / 4  # first moment of the right half
+    assert trajectory.poly[2, 0, :2] == pytest.approx([1, 0] + deviation * turn, abs=1e-12)
+
+
 def wavy(count=200, height=0.05):
     """Return 0.5 mm chords along X to and fro by ``height`` on either side of it."""
     points = [(0.5 * n, height * (-1) ** n) for n in range(1, count)]

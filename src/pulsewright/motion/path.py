@@ -25,12 +25,15 @@ MERGE_SHARE = 0.42  # of the tolerance, for chords; the rest is for blends
 LONGEST_RUN = 64  # moves that one chord may replace
 BLEND_SHARE = 0.1  # of acceleration and jerk at full speed; a blend need not take less
 SLIVER = 1e-13  # of a segment: so small a part is none; what it bends is rounding
+OVERLAP = 1e-8  # of the smaller one of two blends on a segment: such a part of it is none, too
 ROUNDING = 1e-11  # of positions, left of tolerances [mm, degrees]
 LEAST_BLEND = 1e-7  # of a segment: in a smaller one, rounding would be felt; the machine rests
 SHORT_BLEND = 0.1  # of the stopping distance: so short a blend hinders no change of speed
 WIDEST_ARC = 0.5  # of an arc that a blend may bend [rad]
 ARC_SHARE = 0.95  # of the acceleration for bending on arcs; the rest changes speed
 ARC_JERK = 0.5  # of the jerk for bending on arcs
+HASTY = 0.7  # of the square of the speed that the jerk allows: it may be near to a limit
+UNEVEN = 1.25  # ratio of the sizes of a blend on both sides of a corner, at most
 CORNER_PART = 1 / 6  # deviation of a corner by tangents, over their difference and the size
 CURVE_PART = 0.0084  # deviation by curvatures, over their difference and the size squared
 ARC, DWELL = 1, 2  # as MoveKind
@@ -389,15 +392,36 @@ def _of_use(turn: Floats, bend: Floats, top: float, ramp: float, limits: Limits)
 
 
 @compiled(error_model="numpy")
+def _is_hasty(turn: Floats, size: float, top: float, limits: Limits) -> bool:
+    """Return whether the jerk limits the speed on a blend, or is near to it.
+
+    ``turn`` is the jump of the tangent, ``top`` the square of the speed beside the blend.
+    """
+    bent, twisted = top, math.inf  # squares of speeds
+    for r in range(limits.acceleration.size):
+        first = 0.0
+        for axis in range(6):
+            first += limits.rows[r, axis] * turn[axis]
+        first = abs(first)
+        if first > 0.0:
+            bent = min(bent, limits.acceleration[r] * size / first)
+            twisted = min(twisted, (limits.jerk[r] * size * size / first) ** (2 / 3))
+    return HASTY * twisted < bent
+
+
+@compiled(error_model="numpy")
 def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
     """Choose the blends.
 
     As large as the tolerance allows, but not larger than of use, so that lines remain to change
-    speed on.
+    speed on. The sizes on both sides of a corner are equal, but where the jerk limits the speed and
+    the lines there are of nearly one length: then the blend takes all of both. So it ends where the
+    next blends have their peaks, as on the chords of a curve whose lengths differ by rounding: ever
+    so short a part that only one of them bends would allow no more speed than a corner.
 
     Returns
     -------
-    size : (s,) float64
+    size : (s, 2) float64
         Path coordinate that the blend at the end of each segment takes of it and of the next; 0
         where there is none.
     turn, bend : (s, 6) float64
@@ -407,7 +431,7 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
     """
     n = s.length.size
     # where there is no blend, too, half of the segment is left to others at most: none vanishes
-    wanted, size, rest = np.full(n, math.inf), np.zeros(n), np.zeros(n, np.bool_)
+    wanted, size, rest = np.full(n, math.inf), np.zeros((n, 2)), np.zeros(n, np.bool_)
     turn, bend, curved = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros(n, np.bool_)
     work = np.empty((4, 6))
     e1, e2, c1, c2 = work[0], work[1], work[2], work[3]
@@ -441,30 +465,58 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
     for k in range(n - 1):
         if wanted[k] == math.inf:
             continue
-        size[k] = wanted[k]
         for side in range(2):
             room, other = s.length[k + side], k - 1 + 2 * side
             if curved[k] or (other >= 0 and curved[other]):  # only those of lines may overlap
                 apart = wanted[other] if other >= 0 else math.inf
                 room = max(0.5 * room, room - apart)
-            size[k] = min(size[k], room)
-        if size[k] < LEAST_BLEND * max(s.length[k], s.length[k + 1]):
-            size[k], rest[k] = 0.0, True
+            size[k, side] = min(wanted[k], room)
+        least, most = min(size[k, 0], size[k, 1]), max(size[k, 0], size[k, 1])
+        uneven = (1.0 + OVERLAP) * least < most <= UNEVEN * least and most < wanted[k]
+        if curved[k] or not (uneven and _is_hasty(turn[k], least, s.top[k], limits)):
+            size[k, 0] = size[k, 1] = least
+        if least < LEAST_BLEND * max(s.length[k], s.length[k + 1]):
+            size[k, 0] = size[k, 1] = 0.0
+            rest[k] = True
     return size, turn, bend, rest
 
 
 @compiled(error_model="numpy")
 def _displace(
-    x: Floats, turn: Floats, bend: Floats, d: float, at: float, side: float, inner: bool
+    x: Floats,
+    turn: Floats,
+    bend: Floats,
+    d: float,
+    other: float,
+    at: float,
+    side: float,
+    inner: bool,
 ) -> None:
-    """Add the displacement of a blend of size ``d`` to the cubic ``x`` (4, 6).
+    """Add the displacement of a blend to the cubic ``x`` (4, 6).
 
-    ``at`` is the distance from the corner where the cubic begins, ``side`` -1 before the corner, 1
-    after it. The distance grows after the corner and shrinks before it. ``inner`` tells whether
-    the cubic is within half the size.
+    ``d`` is its size on this side of the corner, ``other`` that on the other side; ``at`` is the
+    distance from the corner where the cubic begins, ``side`` -1 before the corner, 1 after it. The
+    distance grows after the corner and shrinks before it. ``inner`` tells whether the cubic is
+    within half the size.
+
+    The curvature, over the jump in tangent, is linear in pieces: 0 at the ends, ``peak`` at the
+    corner, and ``half`` between, where it has a kink if the sizes differ. So it ends where the
+    blends of the next corners have their peaks, its integral is 1, and it leads from one line to
+    the other.
     """
     w, h = d - at, 0.5 * d
-    t3 = 1.0 / (6.0 * d * d)
+    peak = 2.0 / (d + other)
+    more = peak * (other - d) / (1.5 * d)
+    half = 0.5 * peak + more
+    if inner and d != other:
+        t0, t1 = peak * d * other / 6.0, -h * (peak + more)  # at the corner
+        t2, t3 = 0.5 * peak, (half - peak) / (3.0 * d)
+        t0 += at * (t1 + at * (t2 + at * t3))
+        t1 += at * (2.0 * t2 + 3.0 * at * t3)
+        t2 += 3.0 * at * t3
+    else:
+        f = half / (3.0 * d)
+        t0, t1, t2, t3 = f * w * w * w, -3.0 * f * w * w, 3.0 * f * w, -f
     if inner:  # of the curvature: its piece next to the corner
         k0 = at * (h / 6.0 - 0.25 * at + 7.0 / 72.0 * at * at / h)
         k1 = h / 6.0 - 0.5 * at + 7.0 / 24.0 * at * at / h
@@ -474,20 +526,21 @@ def _displace(
         k0, k1, k2, k3 = f * w * w * w, -3.0 * f * w * w, 3.0 * f * w, -f
     for axis in range(6):
         t, k = turn[axis], side * bend[axis]
-        x[0, axis] += t * t3 * w * w * w + k * k0
-        x[1, axis] += side * (k * k1 - 3.0 * t * t3 * w * w)
-        x[2, axis] += 3.0 * t * t3 * w + k * k2
-        x[3, axis] += side * (k * k3 - t * t3)
+        x[0, axis] += t * t0 + k * k0
+        x[1, axis] += side * (k * k1 + t * t1)
+        x[2, axis] += t * t2 + k * k2
+        x[3, axis] += side * (k * k3 + t * t3)
 
 
 @compiled(error_model="numpy")
 def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags) -> Elements:
     """Split the segments where blends begin, change or end, and add the displacements."""
     n = s.length.size
-    m = n
+    m, halved = n, np.zeros(n, np.bool_)  # blends that change in the middle of their sides
     for k in range(n):
-        if size[k] > 0.0:
-            m += 2 * (1 + (s.omega[k] > 0.0 or s.omega[k + 1] > 0.0))
+        if size[k, 0] > 0.0:
+            halved[k] = s.omega[k] > 0.0 or s.omega[k + 1] > 0.0 or size[k, 0] != size[k, 1]
+            m += 4 if halved[k] else 2
     x = np.empty((m, 4, 6))
     cosine, sine = np.zeros((m, 6)), np.zeros((m, 6))
     omega, length, dwell, feed = np.zeros(m), np.empty(m), np.zeros(m), np.empty(m)
@@ -496,27 +549,31 @@ def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags)
     e = 0
     for k in range(n):
         w, full = s.omega[k], s.length[k]
-        before = size[k - 1] if k > 0 else 0.0
-        after = size[k]
-        cut[0], cut[1] = 0.0, before
-        count = 2
-        if before > 0.0 and (w > 0.0 or s.omega[k - 1] > 0.0):
-            cut[1], cut[2], count = 0.5 * before, before, 3
-        first = count
-        if after > 0.0:
-            if w > 0.0 or s.omega[k + 1] > 0.0:
-                cut[count], cut[count + 1] = full - after, full - 0.5 * after
-                count += 2
-            else:
-                cut[count] = full - after
+        before = size[k - 1, 1] if k > 0 else 0.0
+        after = size[k, 0]
+        sliver = max(SLIVER * full, OVERLAP * min(before, after))
+        cut[0], count = 0.0, 1
+        if before > 0.0:
+            if halved[k - 1]:
+                cut[count] = 0.5 * before
                 count += 1
-        if first == 2 and count == 3 and cut[2] < cut[1]:
-            cut[1], cut[2] = cut[2], cut[1]
+            cut[count] = before
+            count += 1
+        if after > 0.0:
+            cut[count] = full - after
+            count += 1
+            if halved[k]:
+                cut[count] = full - 0.5 * after
+                count += 1
+        for i in range(2, count):  # sort them: blends of lines may overlap
+            for j in range(i, 1, -1):
+                if cut[j] < cut[j - 1]:
+                    cut[j - 1], cut[j] = cut[j], cut[j - 1]
         cut[count] = full
         begin = 0.0
         for i in range(1, count + 1):
             end = cut[i]
-            if i < count and (end - begin <= SLIVER * full or full - end <= SLIVER * full):
+            if i < count and (end - begin <= sliver or full - end <= sliver):
                 continue
             c, d = 1.0, 0.0
             if w > 0.0:
@@ -531,10 +588,11 @@ def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags)
             middle = 0.5 * (begin + end)
             if middle < before:
                 near = middle < 0.5 * before
-                _displace(x[e], turn[k - 1], bend[k - 1], before, begin, 1.0, near)
+                _displace(x[e], turn[k - 1], bend[k - 1], before, size[k - 1, 0], begin, 1.0, near)
             if middle > full - after:
                 near = full - middle < 0.5 * after
-                _displace(x[e], turn[k], bend[k], after, min(full - begin, after), -1.0, near)
+                at = min(full - begin, after)
+                _displace(x[e], turn[k], bend[k], after, size[k, 1], at, -1.0, near)
             omega[e], length[e], dwell[e] = w, end - begin, s.dwell[k]
             move[e], feed[e] = s.move[k], s.feed[k]
             begin = end

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pulsewright.errors import MotionLimitError, UsageError
+from pulsewright.motion import path, plan_kernels
 from pulsewright.motion.certificate import certify
 from pulsewright.motion.gcode import InterpreterSettings, interpret
 from pulsewright.motion.machine import Machine
@@ -470,3 +471,28 @@ def test_a_wave_is_bounded_by_its_ends_and_by_peaks_between_them(begin, end, slo
     u, v = math.radians(begin), math.radians(end)
     ends = math.cos(u), math.sin(u), math.cos(v), math.sin(v)
     assert _peaks(2.0, 0.0, *ends, v - u) == pytest.approx((2 * slope, 2 * wave))
+
+
+def test_a_cell_that_speeds_up_and_down_again_is_cut_where_its_elements_meet():
+    """Newton's method alone jumped to and fro between the cell's ends, and never met the place."""
+    half = 0.0056232693
+    poly = np.zeros((2, 4, 6))
+    poly[:, 1, 0] = 1.0
+    poly[1, 0, 0] = half
+    none, zero, one = np.zeros((2, 6)), np.zeros(2), np.ones(2)
+    line = path.Elements(
+        *(poly, none, none, zero, np.full(2, half), np.arange(2, dtype=np.int32), zero, one),
+        rest=np.array([False, True]),
+    )
+    element, start, law = plan_kernels.law(
+        line,
+        *(np.zeros(1, np.int64), np.zeros(1), np.array([2 * half])),
+        b=np.array([0.0130227488, 0.07405690]) ** 2,
+        a=np.array([0.085175884, -7.050759983]),
+        split=np.array([0.14274]),
+    )
+    assert set(element) == {0, 1}
+    ends = np.sum(law * np.diff(start)[:, None] ** np.arange(4), axis=1)
+    assert ends[element == 0][-1] == pytest.approx(half, abs=1e-15)
+    assert law[element == 1][0, 0] == 0.0
+    assert ends[element == 1][-1] == pytest.approx(half, abs=1e-12)

@@ -1034,12 +1034,18 @@ def law(
                 span = left
                 if crossing:
                     span = min(room / v, left) if v > 0.0 else left
-                    for _ in range(20):
+                    early, late = 0.0, left
+                    for _ in range(60):
                         over = (v + (0.5 * x + j / 6.0 * span) * span) * span - room
-                        rate = v + (x + 0.5 * j * span) * span
-                        change = over / rate
-                        span = min(max(span - change, 0.0), left)
-                        if abs(change) <= 1e-15 * left:
+                        if over < 0.0:
+                            early = span
+                        else:
+                            late = span
+                        before = span
+                        span -= over / (v + (x + 0.5 * j * span) * span)
+                        if not early <= span <= late:  # it would jump to and fro
+                            span = 0.5 * (early + late)
+                        if abs(span - before) <= 1e-15 * left:
                             break
                 same = (
                     k > 0

@@ -111,6 +111,18 @@ def test_changes_at_random_times_keep_path_and_limits(seed):
     assert (np.diff(law[:, 0])[np.diff(element) == 0] >= -1e-9).all()
 
 
+def test_a_dwell_whose_override_changes_lasts_as_long_as_programmed_when_it_is_held():
+    changed = live(program([((0.5, 0, 0), 10.0), 0.4, ((2, 0, 0), 10.0)]))
+    rest = np.flatnonzero((changed.trajectory.law[:, 1:] == 0).all(axis=1))[0]
+    begin = changed.trajectory.start[rest]
+    changed.set_override(0.5, begin + 0.3)
+    changed.hold(begin + 0.1)
+    changed.resume(begin + 1.1)
+    assert changed.certificate().passed, changed.certificate()  # the dwell is part of it
+    still = (changed.trajectory.law[:, 1:] == 0).all(axis=1)
+    assert np.diff(changed.trajectory.start)[still].sum() == pytest.approx(0.4 + 1.0)
+
+
 def test_a_dwell_that_is_held_lasts_as_long_as_programmed_in_all():
     moves = program([((10, 0), 50), 2.0, ((0, 0), 50)])
     it = live(moves)

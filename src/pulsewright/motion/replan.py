@@ -132,7 +132,10 @@ class Along:
         left = plan.cut(time)[1]
         if len(left.element):
             e, (s, speed, half, _) = int(left.element[0]), left.law[0].tolist()
-            waited = float(x.dwell[e] - left.start[1]) if x.length[e] == 0.0 else 0.0
+            waited = 0.0
+            if x.length[e] == 0.0:  # a dwell has several pieces if its override changed meanwhile
+                pieces = int(np.searchsorted(left.element, e, "right"))
+                waited = float(x.dwell[e] - left.start[pieces])
             return Place(e, s, speed, 2 * half, waited, float(left.override[0]))
         if not len(plan.element):
             return None

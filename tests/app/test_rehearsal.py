@@ -49,6 +49,11 @@ def test_kernels_compiled_ahead_are_those_that_a_job_uses(board, tmp_path):
     assert not again, "compiled ahead for other types than those of a job"
 
 
+@pytest.mark.parametrize("part", ["plan", *boards.BOARDS])
+def test_every_part_can_be_done(part):
+    rehearsal.rehearse(part)  # in another process nobody would see that it fails
+
+
 def test_other_processes_end_with_the_block_that_they_compile_for(monkeypatch):
     monkeypatch.setattr(compiled, "kept", lambda module: False)
     started = []

@@ -86,7 +86,6 @@ def _plan() -> None:
         element=np.zeros(2, np.int64),
         offset=np.array([0.0, 0.5]),
         size=np.array([0.5, 0.5]),
-        feed=np.ones(2),
         rest=np.array([False, True]),
         row=np.zeros(2, np.int64),
         share=np.full((1, 1, 6), 0.01),

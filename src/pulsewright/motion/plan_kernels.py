@@ -121,7 +121,7 @@ def _cap(share: Floats, rows: int) -> float:
     bend, twist = 0.0, 0.0
     for r in range(rows):
         bend, twist = max(bend, share[r, 3]), max(twist, share[r, 5])
-    top = 1.0 / (share[0, 0] * share[0, 0])
+    top: float = 1.0 / (share[0, 0] * share[0, 0])
     if bend * top > BEND_SHARE:
         top = BEND_SHARE / bend
     if twist * top * math.sqrt(top) > TWIST_SHARE:

@@ -13,7 +13,7 @@ from pulsewright.motion.plan import begin_times
 
 # How far two motors of one axis are apart as they step [step]: where a board gets their rates, one
 # gets its own after the other, and they are rounded; where it gets moves, both are in the same one.
-APART = {"usc": 0.01, "pluto_step": 0.1, "s3g": 0.0, "rapcores": 0.0}
+APART = {"usc": 0.02, "pluto_step": 0.1, "s3g": 0.0, "rapcores": 0.0}
 BOARDS = list(APART)
 SOME = [pytest.param(board, marks=pytest.mark.campaign) for board in BOARDS[1:3]]
 SOME += [BOARDS[0], BOARDS[3]]  # one that gets rates, and one that gets moves

@@ -67,7 +67,7 @@ class Trajectory:
         """
         m, k, axes = len(self.length), len(self.element), self.axes
         shapes = [(m, 4, axes), (m, axes), (m, axes), (m,), (m,), (m,), (k,), (k + 1,), (k, 4)]
-        for field, shape in zip(fields(self), shapes, strict=True):
+        for field, shape in zip(fields(Trajectory), shapes, strict=True):
             column = getattr(self, field.name)
             if column.shape != shape:
                 raise UsageError(

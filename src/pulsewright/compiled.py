@@ -50,15 +50,21 @@ def compiled(*, allocates: bool = True, **options: Any) -> Callable[[F], F]:
             dispatcher.get_call_template = _general(dispatcher.get_call_template)
         if hasattr(dispatcher, "_cache"):  # not with NUMBA_DISABLE_JIT
             # numba, whose version is pinned, has no public way to say on what a kernel depends
-            kept: Any = dispatcher._cache._cache_file
-            kept._source_stamp = stamp(function.__code__.co_filename)
-            kept._load_index = _tolerant(kept._load_index)
-            kept.save = _apart(kept)
+            files: Any = dispatcher._cache._cache_file
+            files._source_stamp = stamp(function.__code__.co_filename)
+            files._load_index = _tolerant(files._load_index)
+            files.save = _apart(files)
             dispatcher._cache.load_overload = _lean(dispatcher._cache)
         result: F = dispatcher
         return result
 
     return decorate
+
+
+#: For kernels that only kernels call: what Python needs to call one takes longest to compile.
+inner = compiled(
+    allocates=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+)
 
 
 def kept(module: ModuleType) -> bool:
@@ -103,7 +109,7 @@ def _general(template: Callable[..., Any]) -> Callable[..., Any]:
     return general
 
 
-def _apart(kept: Any) -> Callable[[Any, Any], None]:
+def _apart(files: Any) -> Callable[[Any, Any], None]:
     """Return a ``save`` that processes may call at the same time.
 
     Numba's own numbers files in the order in which it saves them: two processes, with other types
@@ -112,9 +118,9 @@ def _apart(kept: Any) -> Callable[[Any, Any], None]:
 
     def save(key: Any, data: Any) -> None:
         number = hashlib.sha256(repr(key).encode()).digest()[:8]
-        name = kept._data_name(int.from_bytes(number, "big"))
-        kept._save_data(name, data)
-        kept._save_index(kept._load_index() | {key: name})
+        name = files._data_name(int.from_bytes(number, "big"))
+        files._save_data(name, data)
+        files._save_index(files._load_index() | {key: name})
 
     return save
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.compiled import compiled
+from pulsewright.compiled import compiled, inner
 
 Floats = NDArray[np.float64]
 
@@ -22,20 +22,14 @@ CLOSE = 1e-3  # of the bound: upper bound and actual value agree
 PARTS = 64  # of a cubic whose control points lie too far out
 
 
-# For kernels only: what Python needs to call them would take longest to compile.
-_part = compiled(
-    allocates=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
-)
-
-
-@_part
+@inner
 def _product(a: float, b: float, c: float, d: float) -> tuple[float, float]:
     """Return the interval of products of a..b and c..d."""
     p, q, r, s = a * c, a * d, b * c, b * d
     return min(p, q, r, s), max(p, q, r, s)
 
 
-@_part
+@inner
 def _wave(c: float, d: float, low: float, high: float) -> tuple[float, float]:
     """Return the interval of ``c cos(u) + d sin(u)`` for u in low..high."""
     size, phase = math.hypot(c, d), math.atan2(d, c)
@@ -50,7 +44,7 @@ def _wave(c: float, d: float, low: float, high: float) -> tuple[float, float]:
     return least, most
 
 
-@_part
+@inner
 def _quadratic(a: float, b: float, c: float, low: float, high: float) -> tuple[float, float]:
     """Return the interval of ``a + b u + c u^2`` for u in low..high."""
     first, last = a + (b + c * low) * low, a + (b + c * high) * high
@@ -63,7 +57,7 @@ def _quadratic(a: float, b: float, c: float, low: float, high: float) -> tuple[f
     return least, most
 
 
-@_part
+@inner
 def _interval(
     along: Floats, r: int, w: float, law: Floats, k: int, low: float, high: float
 ) -> tuple[float, float, float]:
@@ -108,7 +102,7 @@ def _interval(
     return velocity, acceleration, jerk
 
 
-@_part
+@inner
 def _enough(actual: float, most: float, deep: int) -> float:
     """Return the upper bound that need not be made sharper, as a share of the limit."""
     if actual > 1.0:  # broken for certain: by how much need not be known better
@@ -221,7 +215,7 @@ def jumps(
     return largest
 
 
-@_part
+@inner
 def _state(
     poly: Floats,
     cosine: Floats,
@@ -306,7 +300,7 @@ def distance(
     return bound
 
 
-@_part
+@inner
 def _hull(c: Floats, at: float, h: float) -> float:
     """Bound the length of the cubic with coefficients ``c`` (4, 6) over at..at + h.
 

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.compiled import compiled
+from pulsewright.compiled import compiled, inner
 from pulsewright.motion.path import Elements, Floats, Ints, Limits, _peaks
 
 BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
@@ -56,12 +56,6 @@ NEVER = 1.08  # of the second-order optimum: squares of speeds are lower
 PARTS = 4096  # cells of one element at most
 
 
-# For kernels only: what Python needs to call them would take longest to compile.
-_part = compiled(
-    allocates=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
-)
-
-
 class Cells(NamedTuple):
     """Stretches of the path with common bounds."""
 
@@ -74,7 +68,7 @@ class Cells(NamedTuple):
     rows: Ints  # (p,) how many rows of it matter: they come first
 
 
-@_part
+@inner
 def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, share: Floats) -> None:
     """Raise the shares (r, 6) of a cell to those of a part of element ``e``."""
     w, h, rows = path.omega[e], end - begin, limits.rows
@@ -115,7 +109,7 @@ def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, sha
         share[r, 5] = max(share[r, 5], third * per_jerk)
 
 
-@_part
+@inner
 def _cap(share: Floats, rows: int) -> float:
     """Return the largest square of the speed on a cell."""
     bend, twist = 0.0, 0.0
@@ -129,7 +123,7 @@ def _cap(share: Floats, rows: int) -> float:
     return top
 
 
-@_part
+@inner
 def _graded(
     begin: float,
     end: float,
@@ -162,7 +156,7 @@ def _graded(
     return n
 
 
-@_part
+@inner
 def _cut(
     total: float,
     from_: float,
@@ -356,7 +350,7 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
     return Cells(element[:n], offset[:n], length[:n], rest, row, share[:used], matter)
 
 
-@_part
+@inner
 def _clear(share: Floats) -> None:
     """Put 0 into the shares (r, 6) of a cell."""
     for r in range(share.shape[0]):
@@ -364,7 +358,7 @@ def _clear(share: Floats) -> None:
             share[r, k] = 0.0
 
 
-@_part
+@inner
 def _compacted(share: Floats) -> int:
     """Put the rows that matter first, and return how many: where the path is straight, one."""
     rows: int = share.shape[0]
@@ -386,7 +380,7 @@ def _compacted(share: Floats) -> int:
     return n
 
 
-@_part
+@inner
 def _free(share: Floats, rows: int, b: float) -> tuple[float, float]:
     """Return the path acceleration and jerk that a cell allows at the square of speed ``b``."""
     v, least = math.sqrt(b), 0.0
@@ -404,7 +398,7 @@ def _free(share: Floats, rows: int, b: float) -> tuple[float, float]:
     return max(a, 0.0), max(j, LEAST_SHARE / least if least > 0.0 else 0.0)
 
 
-@_part
+@inner
 def _gain(v: float, a: float, top: float, jerk: float, size: float) -> tuple[float, float]:
     """Return ``b`` and ``a`` after ``size``, as the jerk allows but with a at most ``top``."""
     time = size / v if v > 0.0 else math.inf
@@ -423,7 +417,7 @@ def _gain(v: float, a: float, top: float, jerk: float, size: float) -> tuple[flo
     return speed * speed, after
 
 
-@_part
+@inner
 def _climb(
     size: Floats,
     b: Floats,
@@ -458,7 +452,7 @@ def _climb(
         i = k
 
 
-@_part
+@inner
 def _round_peaks(
     size: Floats,
     b: Floats,
@@ -516,7 +510,7 @@ def _round_peaks(
             a[k] += TANGENT_SHARE * (rate - a[k])
 
 
-@_part
+@inner
 def _slope(b: Floats, size: Floats, jerk: Floats, i: int) -> float:
     """Return ``a`` at a node between cells where ``b`` is at its limit."""
     x, y = size[i - 1], size[i]
@@ -543,7 +537,7 @@ class Task(NamedTuple):
     work: Floats  # (9, n + 1) scratch
 
 
-@_part
+@inner
 def _pieces(
     v0: float, v1: float, a0: float, a1: float, size: float, split: float
 ) -> tuple[float, float, float]:
@@ -564,7 +558,7 @@ def _pieces(
     return time, middle, v0 + 0.5 * split * time * (a0 + middle)
 
 
-@_part
+@inner
 def _used(
     cells: Cells, c: int, v0: float, v1: float, a0: float, a1: float, split: float
 ) -> tuple[float, float, float, float]:
@@ -573,7 +567,7 @@ def _used(
     return _use(cells.share, row, cells.rows[row], cells.size[c], v0, v1, a0, a1, split)
 
 
-@_part
+@inner
 def _use(
     share: Floats,
     row: int,
@@ -613,7 +607,7 @@ def _use(
     return time, velocity, acceleration, jerk
 
 
-@_part
+@inner
 def _holds(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> bool:
     """Return whether the law of a cell keeps the limits."""
     v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
@@ -691,7 +685,7 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     return b, a, task.split, repaired
 
 
-@_part
+@inner
 def _check(
     task: Task,
     b: Floats,
@@ -734,7 +728,7 @@ def _check(
     return count
 
 
-@_part
+@inner
 def _bridged(
     task: Task,
     b: Floats,
@@ -773,7 +767,7 @@ def _bridged(
     return False
 
 
-@_part
+@inner
 def _spread(
     task: Task, b: Floats, a: Floats, low: int, high: int, time: float, middle: float, share: float
 ) -> bool:
@@ -813,7 +807,7 @@ def _spread(
     return True
 
 
-@_part
+@inner
 def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Let time pass more slowly from rest to rest, such that all limits hold.
 
@@ -838,7 +832,7 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         a[i] /= worst * worst
 
 
-@_part
+@inner
 def _raise(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Raise speeds between two nodes where they are far below the second-order optimum."""
     size, pace, best = task.cells.size, task.work[4], task.work[5]
@@ -876,7 +870,7 @@ def _raise(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         width //= 2
 
 
-@_part
+@inner
 def _raised(task: Task, b: Floats, a: Floats, low: int, high: int, worst: int) -> int:
     """Raise ``b`` between two nodes by a smooth factor, if that saves time and keeps the limits.
 
@@ -924,7 +918,7 @@ def _raised(task: Task, b: Floats, a: Floats, low: int, high: int, worst: int) -
     return worst
 
 
-@_part
+@inner
 def _bump(b: float, a: float, z: float, wide: float, share: float) -> tuple[float, float]:
     """Return raised values of ``b`` and ``a`` at a node."""
     flat = max(1.0 - z * z, 0.0)
@@ -933,7 +927,7 @@ def _bump(b: float, a: float, z: float, wide: float, share: float) -> tuple[floa
     return b * factor, a * factor - 3.0 * z * bump * wide * b
 
 
-@_part
+@inner
 def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     """Plan ``b`` and ``a`` between two nodes, whose values are given."""
     size, ramp, jerk = task.cells.size, task.ramp, task.jerk
@@ -957,7 +951,7 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         a[i] = min(max(a[i], -top), top)
 
 
-@_part
+@inner
 def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
     """Put the second-order optimum between two nodes into ``b``."""
     cells, ease = task.cells, task.ease
@@ -971,7 +965,7 @@ def _envelope(task: Task, b: Floats, first: int, last: int) -> None:
             b[c + 1] = min(b[c + 1], _reach(cells, c, ease[c], b[c]))
 
 
-@_part
+@inner
 def _leave(task: Task, b: Floats, first: int, last: int) -> None:
     """Find what acceleration and jerk the squares of speeds leave free on the cells."""
     cells, ramp, jerk, gain = task.cells, task.ramp, task.jerk, task.work[0]
@@ -986,7 +980,7 @@ def _leave(task: Task, b: Floats, first: int, last: int) -> None:
         ramp[c] = min(ramp[c], ramp[c + 1] + gain[c])
 
 
-@_part
+@inner
 def _reach(cells: Cells, c: int, ease: float, b: float) -> float:
     """Return the largest ``b`` at the other end of a cell, by the acceleration."""
     share, row = cells.share, cells.row[c]

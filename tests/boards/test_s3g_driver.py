@@ -86,6 +86,7 @@ class Spoiling(VirtualSerialBus):
 def spoiling(profile="exact"):
     bus = Spoiling(S3GTwin(profile))
     driver = S3GDriver(bus, profile=profile)
+    driver._random.seed(1)  # tags, so that no change of a byte of them finds it there already
     driver.identify()
     return driver, bus
 

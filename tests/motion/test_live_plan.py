@@ -134,6 +134,29 @@ def test_a_dwell_that_is_held_lasts_as_long_as_programmed_in_all():
     assert it.certificate().passed
 
 
+@pytest.mark.parametrize("early", [1e-4, 5e-5, 2e-5, 1e-5, 1e-6, 0.0])
+@pytest.mark.parametrize("corner", [0, 1])
+def test_a_change_just_before_a_rest_comes_to_it_first(corner, early):
+    # J early^3 / 6 before the rest, less than a billionth of a move, with an acceleration J early
+    moves = program([((20, 0), 50), ((0, 0), 50)], tolerance=0)
+    whole = plan(moves, MACHINE).duration
+    rests, ends = [whole / 2, whole], [20, 0]
+    rest, end = rests[corner], ends[corner]
+    time = rest - early
+    for change in ("hold", "set_override"):
+        it = live(moves)
+        before = it.trajectory
+        changed = it.hold(time) if change == "hold" else it.set_override(0.5, time)
+        check_same_before(before, changed, time - 1e-7)
+        assert it.certificate().passed
+        assert changed.at(rest)[0, 0] == pytest.approx(end, abs=1e-9)
+        if change == "hold":
+            assert it.at_rest(rest + 1e-9)
+            assert changed.at(1e5)[0, 0] == pytest.approx(end, abs=1e-9)
+            over = whole + 1 + (whole - rest)
+            assert it.resume(whole + 1).duration == pytest.approx(over, abs=1e-3)
+
+
 def test_held_from_the_begin_nothing_moves():
     it = live(program([((10, 0), 50)]))
     before = it.trajectory.duration

@@ -83,7 +83,7 @@ class LivePlan:
         place = self._along.at(self._plan, time)
         if place is None:  # there is no motion at all
             return self.trajectory
-        way, end = NOTHING, place
+        way, end = NOTHING, min(place, self._along.end)  # no place is behind the path
         if place.speed or place.acceleration:
             way = self._along.to_rest(place, after)
             end = way.end

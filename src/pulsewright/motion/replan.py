@@ -183,6 +183,8 @@ class Along:
         """Plan from a place to rest at the last cap; None if that breaks a limit."""
         from pulsewright.motion import plan_kernels
 
+        if self._stops_at_once(place):
+            return None
         row, low, high, override, cap = self._stretch(place, caps)
         if not len(row):
             return NOTHING
@@ -199,6 +201,13 @@ class Along:
         element, start, law = pieces
         law[:, 0] += low[element]
         return Plan(row[element].astype(np.int32), start, law, override[element])
+
+    def _stops_at_once(self, place: Place) -> bool:
+        """Tell whether a place is so near before a rest that nothing but coming to it is left."""
+        e, length = place.element, float(self.elements.length[place.element])
+        final = bool(self.elements.rest[e]) or e == self._size - 1
+        moving = place.speed > 0 or place.acceleration != 0
+        return final and moving and place.s >= length * (1 - NEAR)
 
     def _stretch(
         self, place: Place, caps: list[Cap]

@@ -181,6 +181,15 @@ def test_chord_across_more_than_the_tolerance_is_found():
     assert certify(trajectory, rest, MACHINE).path.ratio == np.inf
 
 
+def test_a_loose_corner_beside_a_chord_does_not_loosen_it():
+    # 10 mm straight on, then a chord of 10 mm beside a corner that is 0.3 mm off
+    bump = program([((10, 0), 50), ((15, 0.3), 50), ((20, 0), 50)], tolerance=0.1)
+    bump = dataclasses.replace(bump, tolerance=np.array([0.5, 0.1, 0.1]))
+    trajectory = plan(program([((10, 0), 50), ((20, 0), 50)]), MACHINE)
+    trajectory = dataclasses.replace(trajectory, move=np.array([0, 2], np.int32))
+    assert certify(trajectory, bump, MACHINE).path.ratio == pytest.approx(3)
+
+
 def test_chord_may_not_replace_a_path_that_runs_back():
     there_and_back = program([((15, 0), 50), ((5, 0), 50), ((20, 0), 50)], tolerance=0.1)
     trajectory = plan(program([((20, 0), 50)]), MACHINE)

@@ -275,6 +275,20 @@ def test_short_lines_collapse_within_q():
         assert same.duration == rough.duration
 
 
+def test_a_loose_corner_beside_a_chord_leaves_the_corners_it_stands_for_where_they_are():
+    # a line of 0.018 mm is taken into the next one; 0.2 mm are allowed only where it begins
+    moves = program([((10, 0), 10), ((10.018, 0), 10), ((10.018, 1), 10), ((0, 1), 10)])
+    moves = replace(
+        moves,
+        tolerance=np.array([0.2, 0.002, 0.002, 0.0]),
+        collapse=np.array([0.2, 0.02, 0.02, 0.02]),
+    )
+    trajectory = planned(moves)
+    assert 1 not in trajectory.move
+    x = trajectory.at(np.linspace(0, trajectory.duration, 100_000))[:, :2]
+    assert np.hypot(*(x - [10.018, 0]).T).min() <= 0.02
+
+
 def test_rapids_and_exact_stops_do_not_collapse():
     steps = [(end, None) for end, _ in wavy(20)]
     q = np.full(len(steps), 0.15)

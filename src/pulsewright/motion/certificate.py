@@ -482,9 +482,9 @@ class _Reference:
         from pulsewright.motion import certificate_kernels as kernels
 
         t, run = self.trajectory, self.run
-        # a blend at either end of the run, or the chord
+        # a blend at either end of the run; a chord with its blends has the corners within to keep
         allowed = np.maximum(self.corner, np.append(self.before, self.corner[:-1]))
-        allowed = np.maximum(allowed, np.where(np.isinf(self.inner), 0.0, self.inner))
+        allowed = np.where(np.isinf(self.inner), allowed, self.inner)
         allowed = np.maximum(allowed, ROUNDING)
         motion = t.poly, t.cosine, t.sine, t.omega, t.length
         programmed = self.base, self.along, self.cosine, self.sine, self.omega, self.chord

@@ -296,7 +296,7 @@ def merged(s: Segments, collapse: Floats, limits: Limits) -> tuple[Ints, Floats]
     """
     n = s.length.size
     last, used, left = np.empty(n, np.int64), np.zeros(n + 1), np.empty(n)
-    wide = np.zeros(n + 1)  # what all deviations of a run together may be
+    wide = np.full(n + 1, np.inf)  # what all deviations of a run together may be
     short = np.empty(n, np.bool_)
     for j in range(n):
         loose = collapse[j] > s.tolerance[j] > 0.0
@@ -325,7 +325,8 @@ def merged(s: Segments, collapse: Floats, limits: Limits) -> tuple[Ints, Floats]
             worst = far
             j += 1
         if tight:
-            last[k], used[k], wide[k] = j, worst, more + s.tolerance[i]
+            last[k], used[k] = j, worst
+            wide[k] = more + s.tolerance[i] if j > i else np.inf
             k += 1
             i = j + 1
         else:
@@ -334,10 +335,10 @@ def merged(s: Segments, collapse: Floats, limits: Limits) -> tuple[Ints, Floats]
                 k += 1
             i = max(j, i + 1)
     for q in range(k):
-        own = left[q] = s.tolerance[last[q]]
-        if own > 0.0:
+        left[q] = s.tolerance[last[q]]
+        if left[q] > 0.0:
             for run in range(q, q + 2):
-                left[q] = min(left[q], max(own, wide[run]) - used[run])
+                left[q] = min(left[q], wide[run] - used[run])
     return last[:k], left[:k]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pulsewright import compiled
+from pulsewright import compiled, jit
 
 CALLER = """
 from pulsewright.compiled import compiled
@@ -37,19 +37,17 @@ def toy(tmp_path):
     folder.mkdir(parents=True)
     for package in (root, root / "boards", folder):
         (package / "__init__.py").touch()
-    (root / "compiled.py").write_text(Path(compiled.__file__).read_text())
+    for module in (compiled, jit):
+        (root / Path(module.__file__).name).write_text(Path(module.__file__).read_text())
     (folder / "kernels.py").write_text(CALLER)
     (folder / "other.py").write_text(OTHER.format(factor=2))
     (folder / "constants.py").write_text("OFFSET = 100\n")
     return folder
 
 
-def value(folder):
+def value(folder, also="sum(k.value.dispatcher.stats.cache_hits.values())"):
     """Call the kernel in a new process; return its result and whether it came from disk."""
-    code = (
-        "from pulsewright.boards.toy import kernels as k; "
-        "print(k.value(), sum(k.value.stats.cache_hits.values()))"
-    )
+    code = f"from pulsewright.boards.toy import kernels as k; print(k.value(), {also})"
     root = folder.parents[2]
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     output = subprocess.run(
@@ -73,20 +71,23 @@ def test_a_kernel_is_kept_until_a_file_that_it_imports_changes(toy):
     assert value(toy) == (940, 1)
 
 
-@compiled.compiled()
-def _times(x, n, back):
+SEVERAL = """
+from pulsewright.compiled import compiled
+
+@compiled()
+def times(x, n, back):
     return -x * n if back else x * n
 
-
-@compiled.compiled()
-def _several(x):
-    factor = 2
+@compiled()
+def value():
+    x, factor = 1.0, 2
     for _ in range(3):
-        x = _times(x, factor, False)
+        x = times(x, factor, False)
         factor = 5
-    return _times(x, 3, back=True)
+    return int(times(x, 3, back=True))
+"""
 
 
-def test_a_kernel_is_compiled_once_for_all_constants():
-    assert _several(1.0) == -150.0
-    assert len(_times.signatures) == 1
+def test_a_kernel_is_compiled_once_for_all_constants(toy):
+    (toy / "kernels.py").write_text(SEVERAL)
+    assert value(toy, "len(k.times.dispatcher.signatures)") == (-150, 1)

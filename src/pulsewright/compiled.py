@@ -1,37 +1,71 @@
-"""Kernels compiled by numba and kept on disk, for as long as nothing that they use has changed.
+"""Kernels: functions of numbers and arrays that numba compiles, where that pays.
 
-Numba itself looks at the file of a kernel only. A kernel also contains what its file imports:
-other kernels, and constants as they were. So the stamp of a kept kernel is made of all files of
-this package that its own one reaches by imports.
+Numba, and what it keeps on disk (see `pulsewright.jit`), is loaded when a kernel is first needed
+compiled. That takes longer than the plan of a short program takes in Python, so within `uncompiled`
+kernels are run as they are written. Plans are the same to the last bit, as long as kernels write
+squares as products: Python does not always round its powers like products.
 """
 
 from __future__ import annotations
 
-import gc
-import hashlib
-import re
-from collections.abc import Callable
-from functools import cache
-from pathlib import Path
-from types import ModuleType
-from typing import Any, Final, TypeVar
+import functools
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cached_property
+from types import FunctionType, ModuleType, SimpleNamespace
+from typing import Any, Final, TypeVar, cast
 
-import numba
-from numba import types
-from numba.core import event
-from numba.core.runtime.nrt import rtsys
+import numpy as np
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_ROOT: Final = Path(__file__).parents[1]
-# "from a.b import c, d" also in parentheses; the names may be modules
-_IMPORT: Final = re.compile(r"^ *from (pulsewright[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+FEW: Final = 400  # moves that Python is done with before compiled kernels would be loaded
+
+watchers: Final[list[Callable[[str], None]]] = []  # told of modules whose kernels are needed
+
+_in_python: ContextVar[bool] = ContextVar("in_python", default=False)
+_seen = SimpleNamespace(moves=0.0)  # in this process, towards `FEW`
+_namespaces: dict[int, dict[str, Any]] = {}  # of modules, by the identity of their own ones
+
+
+class Kernel:
+    """A function that is compiled when it is first called, or when a kernel that calls it is."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self._function, self._options = function, options
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Return what the function does."""
+        function = self._uncompiled if _in_python.get() else self.dispatcher
+        return function(*args, **kwargs)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What numba makes of it."""
+        from pulsewright import jit
+
+        for told in watchers:
+            told(self.__module__)
+        return jit.dispatcher(self._function, **self._options)
+
+    @property
+    def _numba_type_(self) -> Any:  # what numba asks of a global that a kernel uses
+        return self.dispatcher._numba_type_
+
+    @cached_property
+    def _uncompiled(self) -> Callable[..., Any]:
+        """The function, with arithmetic that gives infinity or NaN where Python has errors."""
+        f = self._function
+        known = f.__globals__
+        names = _namespaces.setdefault(id(known), known | {"math": _MATH})
+        return FunctionType(f.__code__, names, f.__name__, f.__defaults__, f.__closure__)
 
 
 def compiled(*, allocates: bool = True, **options: Any) -> Callable[[F], F]:
-    """Return ``numba.njit(cache=True, nogil=True, **options)``, made to keep no outdated kernel.
-
-    Other threads go on while a kernel runs: a plan is changed while it is played.
+    """Return a decorator for kernels.
 
     Parameters
     ----------
@@ -45,18 +79,7 @@ def compiled(*, allocates: bool = True, **options: Any) -> Callable[[F], F]:
         options["_nrt"] = False  # of numba's own, whose version is pinned
 
     def decorate(function: F) -> F:
-        dispatcher = numba.njit(cache=True, nogil=True, **options)(function)
-        if hasattr(dispatcher, "get_call_template"):
-            dispatcher.get_call_template = _general(dispatcher.get_call_template)
-        if hasattr(dispatcher, "_cache"):  # not with NUMBA_DISABLE_JIT
-            # numba, whose version is pinned, has no public way to say on what a kernel depends
-            files: Any = dispatcher._cache._cache_file
-            files._source_stamp = stamp(function.__code__.co_filename)
-            files._load_index = _tolerant(files._load_index)
-            files.save = _apart(files)
-            dispatcher._cache.load_overload = _lean(dispatcher._cache)
-        result: F = dispatcher
-        return result
+        return cast(F, Kernel(function, options))
 
     return decorate
 
@@ -67,111 +90,48 @@ inner = compiled(
 )
 
 
+@contextmanager
+def uncompiled(moves: int) -> Iterator[None]:
+    """Run kernels in Python during a ``with`` block that plans or checks some moves, if few.
+
+    That is as long as there were no more than `FEW` in the process: those that come later, or that
+    are many, pay for loading compiled kernels, or for compiling them.
+    """
+    _seen.moves += moves
+    token = _in_python.set(_seen.moves <= FEW)
+    try:
+        with np.errstate(all="ignore"):  # as numba does
+            yield
+    finally:
+        _in_python.reset(token)
+
+
+def always() -> None:
+    """Compile, or load, kernels from now on in this process however few the moves are."""
+    _seen.moves = math.inf
+
+
 def kept(module: ModuleType) -> bool:
     """Return whether kernels of a module are kept that it could use now."""
-    kernels = [k for k in vars(module).values() if getattr(k, "__module__", "") == module.__name__]
-    return any(k._cache._cache_file._load_index() for k in kernels if hasattr(k, "_cache"))
+    kernels = [k for k in vars(module).values() if isinstance(k, Kernel)]
+    own = [k.dispatcher for k in kernels if k.__module__ == module.__name__]
+    return any(k._cache._cache_file._load_index() for k in own if hasattr(k, "_cache"))
 
 
-class _Unhindered(event.Listener):
-    """No collection of garbage while kernels are compiled: that takes a quarter longer."""
+def _ieee(function: Callable[..., float]) -> Callable[..., np.float64]:
+    """Return a function of `math` without errors; its results are divided without errors, too."""
 
-    def __init__(self) -> None:
-        self._depth, self._collects = 0, False
-
-    def on_start(self, event: Any) -> None:
-        if self._depth == 0:
-            self._collects = gc.isenabled()
-            gc.disable()
-        self._depth += 1
-
-    def on_end(self, event: Any) -> None:
-        self._depth -= 1
-        if self._depth == 0 and self._collects:
-            gc.enable()
-
-
-event.register("numba:compile", _Unhindered())  # type: ignore[no-untyped-call]
-
-
-def _general(template: Callable[..., Any]) -> Callable[..., Any]:
-    """Return ``template`` such that calls with constants take the kernel for any value.
-
-    Otherwise each constant in a call compiles the kernel, and all that it calls, once more; even
-    the first value of a variable does, while its type is being found.
-    """
-    any_value: Callable[[Any], Any] = types.unliteral
-
-    def general(args: Any, kws: Any) -> Any:
-        free = {name: any_value(kind) for name, kind in dict(kws).items()}
-        return template(tuple(map(any_value, args)), free)
-
-    return general
-
-
-def _apart(files: Any) -> Callable[[Any, Any], None]:
-    """Return a ``save`` that processes may call at the same time.
-
-    Numba's own numbers files in the order in which it saves them: two processes, with other types
-    of arguments each, could take the same number, and one would be given the code of the other.
-    """
-
-    def save(key: Any, data: Any) -> None:
-        number = hashlib.sha256(repr(key).encode()).digest()[:8]
-        name = files._data_name(int.from_bytes(number, "big"))
-        files._save_data(name, data)
-        files._save_index(files._load_index() | {key: name})
-
-    return save
-
-
-def _lean(cache: Any) -> Callable[[Any, Any], Any]:
-    """Return a ``load_overload`` of ``cache`` that does not load what only compiling needs.
-
-    That takes numba as long as its import. Where nothing is kept, compiling itself loads it.
-    """
-
-    def load_overload(signature: Any, target: Any) -> Any:
-        rtsys.initialize(target)
-        with cache._guard_against_spurious_io_errors():
-            return cache._load_overload(signature, target)
-
-    return load_overload
-
-
-def _tolerant(load_index: Callable[[], Any]) -> Callable[[], Any]:
-    """Return ``load_index`` such that an index with types that are gone counts as outdated."""
-
-    def load() -> Any:
+    def value(*x: float) -> np.float64:
         try:
-            return load_index()
-        except (AttributeError, ImportError):
-            return {}
+            return np.float64(function(*x))
+        except ValueError:
+            return np.float64(math.nan)
 
-    return load
-
-
-@cache
-def stamp(path: str) -> tuple[tuple[str, int, int], ...]:
-    """Return name, time of change and size of a source file and of all here that it imports."""
-    found: set[Path] = set()
-    pending = [Path(path)]
-    while pending:
-        file = pending.pop()
-        if file not in found:
-            found.add(file)
-            pending += _imported(file)
-    stats = ((file.name, file.stat()) for file in sorted(found))
-    return tuple((name, stat.st_mtime_ns, stat.st_size) for name, stat in stats)
+    return value
 
 
-@cache
-def _imported(file: Path) -> tuple[Path, ...]:
-    """Return the files of this package that a file imports from."""
-    files = []
-    for module, names in _IMPORT.findall(file.read_text(encoding="utf-8")):
-        folder = _ROOT.joinpath(*module.split("."))
-        candidates = [folder.with_suffix(".py"), folder / "__init__.py"]
-        candidates += [folder / f"{name}.py" for name in re.findall(r"\w+", names)]
-        files += [candidate for candidate in candidates if candidate.is_file()]
-    return tuple(files)
+_MATH: Final = SimpleNamespace(
+    **vars(math)
+    | {name: _ieee(getattr(math, name)) for name in ("sin", "cos", "atan2")}
+    | {"sqrt": np.sqrt, "hypot": np.hypot}
+)

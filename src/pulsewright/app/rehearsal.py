@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from pulsewright import compiled
+
 if TYPE_CHECKING:
     from pulsewright.motion.moves import Program
     from pulsewright.motion.trajectory import Trajectory
@@ -28,34 +30,43 @@ NICE: Final = 5  # the process that is waited for comes first
 def rehearsed(board: str | None = None) -> Iterator[None]:
     """Let other processes compile ahead during a ``with`` block, where that is of use.
 
+    Kernels of the planner are, as soon as the block turns out to need them compiled.
+
     Parameters
     ----------
     board : str, optional
         Whose twin runs what is planned in the block.
     """
-    parts = {"plan": "pulsewright.motion.plan_kernels"}
-    if board is not None:
-        parts[board] = f"pulsewright.boards.{board}.twin_kernel"
-    from pulsewright.compiled import kept
+    started: dict[str, subprocess.Popen[bytes] | None] = {}
 
-    command = [sys.executable, "-P", "-m", "pulsewright.app.rehearsal"]
-    quiet = subprocess.DEVNULL
-    started = [
-        subprocess.Popen([*command, part], stdin=quiet, stdout=quiet, stderr=quiet)
-        for part, module in parts.items()
-        if not kept(import_module(module))
-    ]
+    def start(part: str, module: str) -> None:
+        started[part] = None
+        if not compiled.kept(import_module(module)):
+            command = [sys.executable, "-P", "-m", "pulsewright.app.rehearsal", part]
+            quiet = subprocess.DEVNULL
+            started[part] = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)
+
+    def needed(module: str) -> None:
+        if module == "pulsewright.motion.path" and "plan" not in started:
+            start("plan", "pulsewright.motion.plan_kernels")
+
+    compiled.watchers.append(needed)
     try:
+        if board is not None:
+            start(board, f"pulsewright.boards.{board}.twin_kernel")
         yield
     finally:
-        for process in started:
+        compiled.watchers.remove(needed)
+        processes = [process for process in started.values() if process is not None]
+        for process in processes:
             process.terminate()
-        for process in started:
+        for process in processes:
             process.wait()
 
 
 def rehearse(part: str) -> None:
     """Do ``plan``, or a run on the twin of a board, with one move."""
+    compiled.always()
     if part == "plan":
         _plan()
     else:

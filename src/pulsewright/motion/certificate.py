@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.compiled import uncompiled
 from pulsewright.errors import UsageError
 from pulsewright.motion.machine import Machine
 from pulsewright.motion.moves import AXES, MoveKind, Moves
@@ -218,21 +219,21 @@ class Certifier:
             raise UsageError(
                 f"certify needs positions of {AXES}, not {trajectory.axes} coordinates"
             )
-        from pulsewright.motion import certificate_kernels as kernels  # compiled on first use
+        from pulsewright.motion import certificate_kernels as kernels
 
         run = self._run
         t, moves, corner = self._local(trajectory)
         rows, velocity, acceleration = self._limits
         columns = (t.poly, t.cosine, t.sine, t.omega, t.element, t.start, t.law)
         limits = np.stack([velocity, acceleration, self._machine.jerk_limits()])
-        use, where = kernels.worst(*columns, rows, limits)
-        entry = self._state.copy()
-        jumps = kernels.jumps(*columns, self._state)
+        reference, entry = _Reference(t, moves, corner), self._state.copy()
+        with uncompiled(len(reference.last)):
+            use, where = kernels.worst(*columns, rows, limits)
+            jumps = kernels.jumps(*columns, self._state)
+            deviation, allowed = reference.deviation()
         motion = _Pieces(t)
-        reference = _Reference(t, moves, corner)
         free = moves.pitch[t.move[t.element]] == 0
         feed = motion.fastest / (reference.feed[t.element] * np.where(free, override, 1.0))
-        deviation, allowed = reference.deviation()
         off = deviation / allowed
         farthest = int(np.searchsorted(t.element, off.argmax()))  # the first piece there
         end_error, missed = reference.rests(motion)

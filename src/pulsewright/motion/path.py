@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.compiled import compiled
+from pulsewright.compiled import compiled, inner
 
 NOTHING = 1e-8  # motion shorter than this is none [mm, degrees]
 TANGENT = 1e-9  # tangents that differ less are equal; the jump in velocity is rounding
@@ -86,10 +86,16 @@ class Elements(NamedTuple):
     rest: Flags  # (m,) whether the machine comes to rest at the end
 
 
+@inner
+def _square(x: float) -> float:
+    """Return the square: ``x ** 2`` of Python is not always rounded like the compiled one."""
+    return x * x
+
+
 @compiled(error_model="numpy")
 def _length(v: Floats, first: int) -> float:
     """Return the length of the linear (first = 0) or rotary (first = 3) part of a vector."""
-    return math.sqrt(v[first] ** 2 + v[first + 1] ** 2 + v[first + 2] ** 2)
+    return math.sqrt(_square(v[first]) + _square(v[first + 1]) + _square(v[first + 2]))
 
 
 @compiled(error_model="numpy")
@@ -247,11 +253,11 @@ def _limits(
             along[r] += omega * slope
             bend[r] = omega * omega * wave
         if along[r] > 0.0:
-            top = min(top, (limits.velocity[r] / along[r]) ** 2)
+            top = min(top, _square(limits.velocity[r] / along[r]))
         if bend[r] > 0.0:
             top = min(top, ARC_SHARE * limits.acceleration[r] / bend[r])
         if swing[r] > 0.0:
-            top = min(top, (ARC_JERK * limits.jerk[r] / (omega**2 * swing[r])) ** (2 / 3))
+            top = min(top, (ARC_JERK * limits.jerk[r] / (_square(omega) * swing[r])) ** (2 / 3))
     ramp = math.inf
     for r in range(count):
         if along[r] > 0.0:
@@ -260,7 +266,8 @@ def _limits(
             full = omega * swing[r] * top
             if full < limit:  # x'' and x' of a turning point are a quarter turn apart
                 free = limit * limit - full * full
-                root = (limit * line[r]) ** 2 + (swing[r] ** 2 - line[r] ** 2) * free
+                wider = _square(swing[r]) - _square(line[r])
+                root = _square(limit * line[r]) + wider * free
                 best = max(best, free / (limit * line[r] + math.sqrt(root)))
             ramp = min(ramp, best)
     return top, ramp
@@ -357,7 +364,8 @@ def _chord_distance(poly: Floats, length: Floats, first: int, last: int) -> floa
         u = poly[k, 0, 0] - poly[first, 0, 0]
         v = poly[k, 0, 1] - poly[first, 0, 1]
         w = poly[k, 0, 2] - poly[first, 0, 2]
-        worst = max(worst, (v * z - w * y) ** 2 + (w * x - u * z) ** 2 + (u * y - v * x) ** 2)
+        far = _square(v * z - w * y) + _square(w * x - u * z) + _square(u * y - v * x)
+        worst = max(worst, far)
     return math.sqrt(worst) / size
 
 
@@ -447,8 +455,8 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
             turn[k, axis] = e2[axis] - e1[axis]
             bend[k, axis] = c2[axis] - c1[axis]
             dot += e1[axis] * e2[axis]
-        square = (_length(e1, 0) ** 2 + _length(e1, 3) ** 2) * (
-            _length(e2, 0) ** 2 + _length(e2, 3) ** 2
+        square = (_square(_length(e1, 0)) + _square(_length(e1, 3))) * (
+            _square(_length(e2, 0)) + _square(_length(e2, 3))
         )
         angle, more = _norm(turn[k]), _norm(bend[k])
         curved[k] = s.omega[k] > 0.0 or s.omega[k + 1] > 0.0

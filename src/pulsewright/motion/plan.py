@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.compiled import uncompiled
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.machine import Machine
 from pulsewright.motion.moves import MoveKind, Moves, Plane
@@ -49,16 +50,17 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     UsageError
         If the moves cannot be as they are, see `Moves.require_sound`.
     """
-    from pulsewright.motion import plan_kernels  # compiled on first use
+    from pulsewright.motion import plan_kernels
 
     moves.require_sound()
     machine.check_travel(moves)
-    elements, limits = blended_path(moves, machine)
-    grid = plan_kernels.cells(elements, limits, 0.0)
-    b, a, split, _ = plan_kernels.speeds(grid, 0.0, 0.0)
-    cells = grid.element, grid.offset, grid.size
-    del grid  # most of the memory
-    return Trajectory(*elements[:6], *plan_kernels.law(elements, *cells, b, a, split))
+    with uncompiled(len(moves)):
+        elements, limits = blended_path(moves, machine)
+        grid = plan_kernels.cells(elements, limits, 0.0)
+        b, a, split, _ = plan_kernels.speeds(grid, 0.0, 0.0)
+        cells = grid.element, grid.offset, grid.size
+        del grid  # most of the memory
+        return Trajectory(*elements[:6], *plan_kernels.law(elements, *cells, b, a, split))
 
 
 def blended_path(moves: Moves, machine: Machine) -> tuple[Elements, Limits]:

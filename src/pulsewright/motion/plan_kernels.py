@@ -99,7 +99,7 @@ def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, sha
             along, inward = _peaks(c, s, c0, s0, c1, s1, w * h)
             first += w * along
             second += w * w * inward
-            third += w**3 * along
+            third += w * w * w * along
         per_acceleration, per_jerk = 1.0 / limits.acceleration[r], 1.0 / limits.jerk[r]
         share[0, 0] = max(share[0, 0], first / limits.velocity[r])
         share[r, 1] = max(share[r, 1], first * per_acceleration)
@@ -246,7 +246,8 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
     near = math.inf
     for e in range(m - 1, -1, -1):
         speed[e] = min(speed[e], speed[e + 1] + 2.0 * ramp[e] * path.length[e])
-        if min(speed[e], speed[e + 1], path.feed[e] ** 2) < 0.999 * cap[e] or cap[e] == 0.0:
+        most = min(speed[e], speed[e + 1], path.feed[e] * path.feed[e])
+        if most < 0.999 * cap[e] or cap[e] == 0.0:
             near = 0.0
         busy[e] = near
         near += path.length[e]

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.compiled import uncompiled
 from pulsewright.errors import UsageError
 from pulsewright.motion.machine import Machine
 from pulsewright.motion.moves import Moves
@@ -213,10 +214,11 @@ class Planner:
             if fresh is not None:
                 self._moves = fresh if self._moves is None else self._moves.followed_by(fresh)
             self._all_seen = self._complete and not self._queue
-            self._look(begin)
-            if self._along is not None and len(self._along) > known:
-                self._lead(max(self._plan.duration - self._look_ahead, 0.0))
-                break
+            with uncompiled(0 if self._moves is None else len(self._moves)):
+                self._look(begin)
+                if self._along is not None and len(self._along) > known:
+                    self._lead(max(self._plan.duration - self._look_ahead, 0.0))
+                    break
         return True
 
     def _forget(self) -> int:

@@ -25,7 +25,7 @@ FEW: Final = 400  # moves that Python is done with before compiled kernels would
 
 watchers: Final[list[Callable[[str], None]]] = []  # told of modules whose kernels are needed
 
-_in_python: ContextVar[bool] = ContextVar("in_python", default=False)
+_in_python: ContextVar[bool | None] = ContextVar("in_python", default=None)
 _seen = SimpleNamespace(moves=0.0)  # in this process, towards `FEW`
 _namespaces: dict[int, dict[str, Any]] = {}  # of modules, by the identity of their own ones
 
@@ -95,8 +95,12 @@ def uncompiled(moves: int) -> Iterator[None]:
     """Run kernels in Python during a ``with`` block that plans or checks some moves, if few.
 
     That is as long as there were no more than `FEW` in the process: those that come later, or that
-    are many, pay for loading compiled kernels, or for compiling them.
+    are many, pay for loading compiled kernels, or for compiling them. What must not wait for that
+    says 0 moves. A block in another one does as that does.
     """
+    if _in_python.get() is not None:
+        yield
+        return
     _seen.moves += moves
     token = _in_python.set(_seen.moves <= FEW)
     try:

@@ -37,6 +37,26 @@ def test_plans_are_the_same_to_the_last_bit(seed, monkeypatch):
     check_same(*in_both_ways(moves, machine(), monkeypatch))
 
 
+def test_changes_of_a_plan_made_in_python_do_not_wait_for_compiled_kernels():
+    code = (
+        "import sys;"
+        "from pulsewright.motion.gcode import interpret_text;"
+        "from pulsewright.motion.live import LivePlan;"
+        "from pulsewright.motion.machine import Machine;"
+        "from pulsewright.motion.plan import plan;"
+        "from pulsewright.motion.stream import Planner;"
+        "moves, machine = interpret_text('F600 G1 X30').moves, Machine.default();"
+        "live = LivePlan(plan(moves, machine), moves, machine);"
+        "live.set_override(0.5, 1.0); live.hold(2.0); live.resume(4.0);"
+        "assert live.certificate().passed;"
+        "stream = Planner(machine); stream.add(moves); stream.finish();"
+        "stream.take(1.0); stream.override(0.5); stream.hold(); stream.take(); stream.resume();"
+        "assert stream.take() is not None;"
+        "print('numba' in sys.modules)"
+    )
+    assert not in_new_process(code)
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("part", range(4))
 def test_plans_of_programs_of_all_sizes_are_the_same(part, monkeypatch):
@@ -54,6 +74,11 @@ def loaded(program, *, before=""):
         f"{before} assert plan_file({str(program)!r}).certificate.passed;"
         "print('numba' in sys.modules)"
     )
+    return in_new_process(code)
+
+
+def in_new_process(code):
+    """Run code that prints a truth value; return it."""
     command = [sys.executable, "-c", code]
     output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     return {"True\n": True, "False\n": False}[output]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright import compiled
 from pulsewright.errors import StoppedError
 from pulsewright.motion.live import LivePlan, require_override
 
@@ -344,6 +345,7 @@ def _at_begin(replan: Callable[[float], Trajectory]) -> float:
 
 def _rehearse(plan: LivePlan) -> None:
     """Compile what changes of a plan need now, and not when they are urgent."""
+    compiled.always()
     middle = plan.trajectory.duration / 2
     plan = copy(plan)
     plan.hold(middle)

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.compiled import uncompiled
 from pulsewright.errors import CheckFailedError, UsageError
 from pulsewright.motion.certificate import Certificate, Certifier
 from pulsewright.motion.machine import Machine
@@ -47,6 +48,7 @@ class LivePlan:
         Whether motion is held, or on the way to it.
     """
 
+    @uncompiled(0)
     def __init__(self, trajectory: Trajectory, moves: Moves, machine: Machine) -> None:
         self.trajectory = trajectory
         self.factor, self.held = 1.0, False
@@ -161,6 +163,7 @@ class LivePlan:
         self._plan = plan
         self.trajectory = self.trajectory.timed(plan.element, plan.start, plan.law)
 
+    @uncompiled(0)
     def _certified(self, plan: Plan, *, whole: bool) -> Certificate:
         moving = plan.override > 0
         certifier = Certifier(self._machine, self.trajectory.at(0.0)[0])

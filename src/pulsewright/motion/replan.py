@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pulsewright.compiled import uncompiled
+
 if TYPE_CHECKING:
     from pulsewright.motion.path import Elements, Limits
 
@@ -179,6 +181,7 @@ class Along:
             distance *= FARTHER
         return rest
 
+    @uncompiled(0)
     def _planned(self, place: Place, caps: list[Cap]) -> Plan | None:
         """Plan from a place to rest at the last cap; None if that breaks a limit."""
         from pulsewright.motion import plan_kernels

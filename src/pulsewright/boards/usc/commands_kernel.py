@@ -44,7 +44,9 @@ def convert(
     settled_at = (cycle + CONTROL_ACCESS * access) // TICK_CYCLES + 1  # run, direction act
     for i in range(state.shape[0]):
         base, pulse, settled = state[i, BASE], state[i, PULSE], state[i, SETTLED]
-        counted, direction, run = state[i, COUNT], state[i, DIRECTION], state[i, RUN]
+        # whole numbers, but they meet the plan only
+        counted, direction = float(state[i, COUNT]), float(state[i, DIRECTION])
+        run = state[i, RUN]
         commit = (cycle + DIVISOR_ACCESS[i] * access) // TICK_CYCLES + 1  # divisor acts
         later = settled_at - commit
         first_cycle = commit * TICK_CYCLES - origin
@@ -117,10 +119,11 @@ def convert(
                         counted += direction * pulses
             byte = 2 * run + (direction > 0)
             control[j] = (control[j] & ~(3 << 2 * i)) | byte << 2 * i
-            count[j, i] = counted
+            count[j, i] = int(counted)
             if abs(target - counted) > DEVIATION:
                 return abs(target - counted), i, j
             now, target, commit = target, ahead, end
         state[i, BASE], state[i, PULSE], state[i, SETTLED] = base, pulse, settled
-        state[i, COUNT], state[i, DIRECTION], state[i, RUN] = counted, direction, run
+        state[i, COUNT], state[i, DIRECTION] = int(counted), int(direction)
+        state[i, RUN] = run
     return 0.0, 0, 0

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.compiled import compiled
+from pulsewright.compiled import compiled, inner
 
 Floats = NDArray[np.float64]
 
@@ -33,34 +33,66 @@ def coordinate(
     return x
 
 
-@compiled(inline="always")
-def piece_at(start: Floats, t: float, k: int) -> int:
-    """Return the piece that holds time ``t``, searching forward from piece ``k``.
+@inner
+def piece_at(start: Floats, t: float) -> int:
+    """Return the piece that holds time ``t``; the first before all, the last after them.
 
-    ``start`` is (pieces + 1,); times past the end belong to the last piece.
+    ``start`` is (pieces + 1,).
     """
-    last = start.size - 2
-    while k < last and t >= start[k + 1]:
-        k += 1
-    return k
+    low, high = 0, start.size - 2
+    while low < high:
+        middle = (low + high + 1) // 2
+        if t < start[middle]:
+            high = middle - 1
+        else:
+            low = middle
+    return low
 
 
-@compiled(inline="always")
-def position_at(
+@inner
+def sample(
     geometry: tuple[Floats, Floats, Floats, Floats],
     law: tuple[NDArray[np.int32], Floats, Floats],
     axis: int,
-    t: float,
-    k: int,
-) -> tuple[float, int]:
-    """Return one coordinate at time ``t``, and the piece that holds it; at rest before and after.
+    first: int,
+    step: int,
+    unit: float,
+    out: Floats,
+) -> None:
+    """Put where a trajectory is at the times (``first`` + n ``step``) ``unit`` into ``out``.
 
-    ``geometry`` is (poly, cosine, sine, omega) and ``law`` is (element, start, law) of a
-    `Trajectory`; ``k`` is a piece at or before ``t``.
+    That has a column per time, and rows for the path coordinate and for as many coordinates from
+    ``axis`` on as there are rows left. ``geometry`` is (poly, cosine, sine, omega) and ``law`` is
+    (element, start, law) of a `Trajectory`, which is at rest before and after.
     """
     poly, cosine, sine, omega = geometry
     element, start, time_law = law
-    t = min(max(t, 0.0), start[-1])
-    k = piece_at(start, t, k)
-    s = path_coordinate(time_law, k, t - start[k])
-    return coordinate(poly, cosine, sine, omega, element[k], axis, s), k
+    pieces, end, count = element.size, start[element.size], out.shape[1]
+    k, n = piece_at(start, first * unit), 0
+    while n < count:
+        since, until = start[k], start[k + 1] if k + 1 < pieces else math.inf
+        # coefficients are read once: for all the compiler knows, what is written may be them
+        l0, l1, l2, l3 = time_law[k, 0], time_law[k, 1], time_law[k, 2], time_law[k, 3]
+        begin = n
+        while n < count:
+            t = min(max((first + n * step) * unit, 0.0), end)
+            if t >= until:
+                break
+            tau = t - since
+            out[0, n] = ((l3 * tau + l2) * tau + l1) * tau + l0
+            n += 1
+        e = element[k]
+        for row in range(1, out.shape[0]):
+            i = axis + row - 1
+            p0, p1, p2, p3 = poly[e, 0, i], poly[e, 1, i], poly[e, 2, i], poly[e, 3, i]
+            for m in range(begin, n):
+                s = out[0, m]
+                out[row, m] = ((p3 * s + p2) * s + p1) * s + p0
+        if omega[e] != 0.0:
+            for m in range(begin, n):
+                angle = omega[e] * out[0, m]
+                c, d = math.cos(angle), math.sin(angle)
+                for row in range(1, out.shape[0]):
+                    i = axis + row - 1
+                    out[row, m] += cosine[e, i] * c + sine[e, i] * d
+        k += 1

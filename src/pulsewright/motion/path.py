@@ -92,13 +92,13 @@ def _square(x: float) -> float:
     return x * x
 
 
-@compiled(error_model="numpy")
+@inner
 def _length(v: Floats, first: int) -> float:
     """Return the length of the linear (first = 0) or rotary (first = 3) part of a vector."""
     return math.sqrt(_square(v[first]) + _square(v[first + 1]) + _square(v[first + 2]))
 
 
-@compiled(error_model="numpy")
+@inner
 def _norm(v: Floats) -> float:
     """Return the larger of the linear and the rotary length."""
     return max(_length(v, 0), _length(v, 3))
@@ -222,7 +222,7 @@ def _peaks(
     return slope, wave
 
 
-@compiled(error_model="numpy")
+@inner
 def _limits(
     straight: Floats,
     cosine: Floats,
@@ -236,19 +236,21 @@ def _limits(
     """Return the largest square of the speed, and the path acceleration possible up to it."""
     line, swing = work[0], work[1]  # parts of x' along each row
     along, bend = work[2], work[3]  # largest x' and x'' along each row
-    count, cos, sin = limits.velocity.size, math.cos(turn), math.sin(turn)
+    count, cos, sin = limits.velocity.size, 1.0, 0.0
+    if turn > 0.0:
+        cos, sin = math.cos(turn), math.sin(turn)
     top = feed * feed
     for r in range(count):
-        c, s = 0.0, 0.0
-        line[r], bend[r] = 0.0, 0.0
+        line[r], swing[r], bend[r] = 0.0, 0.0, 0.0
         for axis in range(6):
             line[r] += limits.rows[r, axis] * straight[axis]
-            c += limits.rows[r, axis] * cosine[axis]
-            s += limits.rows[r, axis] * sine[axis]
-        line[r] = abs(line[r])
-        swing[r] = omega * math.hypot(c, s)
-        along[r] = line[r]
-        if swing[r] > 0.0:
+        line[r] = along[r] = abs(line[r])
+        if turn > 0.0:
+            c, s = 0.0, 0.0
+            for axis in range(6):
+                c += limits.rows[r, axis] * cosine[axis]
+                s += limits.rows[r, axis] * sine[axis]
+            swing[r] = omega * math.hypot(c, s)
             slope, wave = _peaks(c, s, 1.0, 0.0, cos, sin, turn)
             along[r] += omega * slope
             bend[r] = omega * omega * wave
@@ -273,7 +275,7 @@ def _limits(
     return top, ramp
 
 
-@compiled(error_model="numpy")
+@inner
 def _size_needed(e1: Floats, e2: Floats, top: float, limits: Limits) -> float:
     """Return the size of a blend that takes all acceleration or jerk at a square of the speed."""
     size, cube = 0.0, top * math.sqrt(top)
@@ -349,7 +351,7 @@ def merged(s: Segments, collapse: Floats, limits: Limits) -> tuple[Ints, Floats]
     return last[:k], left[:k]
 
 
-@compiled(error_model="numpy")
+@inner
 def _chord_distance(poly: Floats, length: Floats, first: int, last: int) -> float:
     """Return how far corners lie from the chord of a run; -1 where the run turns back on it."""
     end = length[last]
@@ -369,7 +371,7 @@ def _chord_distance(poly: Floats, length: Floats, first: int, last: int) -> floa
     return math.sqrt(worst) / size
 
 
-@compiled(error_model="numpy")
+@inner
 def _tangent(s: Segments, k: int, at: float, out: Floats, bend: Floats) -> None:
     """Put the first two derivatives of segment ``k`` at ``at`` into ``out`` and ``bend``."""
     w = s.omega[k]
@@ -381,7 +383,7 @@ def _tangent(s: Segments, k: int, at: float, out: Floats, bend: Floats) -> None:
         bend[axis] = -w * w * (s.cosine[k, axis] * c + s.sine[k, axis] * d)
 
 
-@compiled(error_model="numpy")
+@inner
 def _of_use(turn: Floats, bend: Floats, top: float, ramp: float, limits: Limits) -> float:
     """Return the size of a blend that hinders little: a larger one is of no use.
 
@@ -400,7 +402,7 @@ def _of_use(turn: Floats, bend: Floats, top: float, ramp: float, limits: Limits)
     return size
 
 
-@compiled(error_model="numpy")
+@inner
 def _is_hasty(turn: Floats, size: float, top: float, limits: Limits) -> bool:
     """Return whether the jerk limits the speed on a blend, or is near to it.
 
@@ -490,7 +492,7 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
     return size, turn, bend, rest
 
 
-@compiled(error_model="numpy")
+@inner
 def _displace(
     x: Floats,
     turn: Floats,

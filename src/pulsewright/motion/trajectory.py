@@ -107,12 +107,11 @@ class Trajectory:
 
         With rows of steps per unit this gives motor positions in steps.
         """
-        flat = self.poly.reshape(-1, self.axes) @ matrix.T  # one product of two matrices: fast
         return replace(
             self,
-            poly=flat.reshape(len(self.poly), 4, len(matrix)),
-            cosine=np.ascontiguousarray(self.cosine @ matrix.T),
-            sine=np.ascontiguousarray(self.sine @ matrix.T),
+            poly=_product(self.poly, matrix),
+            cosine=_product(self.cosine, matrix),
+            sine=_product(self.sine, matrix),
         )
 
     def timed(
@@ -148,3 +147,14 @@ class Trajectory:
         third = 6 * p[:, 3] + w**3 * (cos * np.sin(w * s) - sin * np.cos(w * s))
         j = 6 * law[:, 3, None]
         return np.asarray(third * v**3 + 3 * second * v * a + first * j)
+
+
+def _product(values: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ``values @ matrix.T``, where few entries of ``matrix`` are not 0.
+
+    Numpy's own product of large matrices leaves the other processors busy waiting for a while.
+    """
+    found = np.zeros((*values.shape[:-1], len(matrix)))
+    for row, column in np.argwhere(matrix):
+        found[..., row] += values[..., column] * matrix[row, column]
+    return found

@@ -177,12 +177,11 @@ class Converter(UpdateConverter[Updates]):
         motors = trajectory.axes
         unit = units_per_step(timing.tap)
         into = np.asarray(units, np.int64)[:motors] % unit
-        # position [unit], direction, tick of the last crossing, piece of the plan
-        self._state = np.zeros((motors, 4), np.int64)
+        # position [unit], direction, tick of the last crossing
+        self._state = np.zeros((motors, 3), np.int64)
         self._state[:, 0] = np.floor(trajectory.at(0.0)[0] + 0.5).astype(np.int64) * unit + into
         self._state[:, 1] = 1
         self._state[:, 2] = -(1 << 40)  # long ago
-        self._ahead = np.full(motors, np.nan)
 
     @property
     def count(self) -> NDArray[np.int64]:
@@ -209,32 +208,32 @@ class Converter(UpdateConverter[Updates]):
         n, before = len(cycle), self.count
         updates = Updates(cycle, np.zeros((n, AXES), np.int16), np.zeros((n, AXES), np.int64))
         plan, timing = self.trajectory, self.timing
-        worst, axis, when = convert(
+        missed, axis, when = convert(
             (plan.poly, plan.cosine, plan.sine, plan.omega),
             (plan.element, plan.start, plan.law),
             np.array(
                 [
+                    self.next_cycle,
                     self.start_cycle,
                     self.update_cycles // registers.TICK_CYCLES,
                     timing.step,
                     timing.direction,
                     timing.limit,
-                    units_per_step(timing.tap),
+                    units_per_step(timing.tap).bit_length() - 1,  # a power of 2
                     timing.access,
                 ],
                 np.int64,
             ),
             self._state,
-            self._ahead,
-            cycle,
+            np.empty((2, n + 1)),
             updates.velocity,
             updates.count,
         )
-        if worst > DEVIATION:
+        if missed > 0:
             seconds = self._seconds(int(cycle[when]))
             raise MotionLimitError(
-                f"pluto_step axis {axis}: misses the plan by {worst:.2f} steps at {seconds:.4f} s; "
-                f"lower the velocity or acceleration of that axis"
+                f"pluto_step axis {axis}: misses the plan by {missed:.2f} steps at "
+                f"{seconds:.4f} s; lower the velocity or acceleration of that axis"
             )
         self.position += n
         self._note_way(before, updates.count)

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.pluto_step.burst import VELOCITY_ACCESS
+from pulsewright.boards.pluto_step.commands import DEVIATION
 from pulsewright.boards.pluto_step.registers import CLOCK_HZ, TICK_CYCLES
-from pulsewright.motion.evaluate import position_at
+from pulsewright.motion.evaluate import sample
 from pulsewright.twin.kernel import inlined, kernel
 
 SECONDS_PER_CYCLE: Final = 1.0 / CLOCK_HZ
-POSITION, DIRECTION, CROSSING, PIECE = range(4)  # columns of the state
+POSITION, DIRECTION, CROSSING = range(3)  # columns of the state
 
 
 @inlined
@@ -35,60 +36,57 @@ def convert(
     law: Any,
     parameters: NDArray[np.int64],
     state: NDArray[np.int64],
-    ahead: NDArray[np.float64],
-    cycle: NDArray[np.int64],
+    plan: NDArray[np.float64],
     velocity: NDArray[np.int16],
     count: NDArray[np.int64],
 ) -> tuple[float, int, int]:
-    """Fill ``velocity`` and ``count`` for updates at ``cycle``; advance ``state``.
+    """Fill ``velocity`` and ``count`` for n updates; advance ``state``.
 
-    ``ahead`` (motors,) holds the planned position at the end of the next update, NaN before the
-    first call. Returns the largest distance from the plan at an update [step], its axis and the
-    index of its update.
+    ``plan`` (2, n + 1) is to work with: from `sample`, where a motor is at the ends of updates.
+    Stops where the board misses the plan by more than `DEVIATION`; returns by how much [step], the
+    axis and the index of the update, or 0 if it does not.
     """
-    origin, update, step, direction, limit, unit, access = parameters
+    cycle, origin, update, step, direction, limit, bits, access = parameters
+    unit = 1 << bits
     margin = update // 2 + 1  # more than half a word in an update [unit]
-    worst, worst_axis, worst_update = 0.0, 0, 0
-    for j in range(cycle.size):
-        for i in range(state.shape[0]):
-            # first tick under the new word, and first under the next one
-            commit = (cycle[j] + VELOCITY_ACCESS[i] * access) // TICK_CYCLES + 1
-            end = commit + update
-            # a crossing shows at the pins at the next tick: half a tick late on average
-            cycles = end * TICK_CYCLES + TICK_CYCLES // 2 - origin
-            if math.isnan(ahead[i]):
-                time = cycles * SECONDS_PER_CYCLE
-                ahead[i], state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
-            planned = ahead[i]
-            time = (cycles + update * TICK_CYCLES) * SECONDS_PER_CYCLE
-            ahead[i], state[i, PIECE] = position_at(geometry, law, i, time, state[i, PIECE])
-            target = (planned + 0.5) * unit
-            if ahead[i] == planned:  # at rest: so far from a crossing that no rounding reaches it
-                step_below = math.floor(planned + 0.5) * unit
+    for i in range(state.shape[0]):
+        position, heading = state[i, POSITION], state[i, DIRECTION]
+        steps = position >> bits
+        # the last crossing: so far before the end of a tick, at this speed
+        tick, beyond, speed = state[i, CROSSING], 0, 1
+        # first tick under the new word, and first under the next one
+        commit = (cycle + VELOCITY_ACCESS[i] * access) // TICK_CYCLES + 1
+        end = commit + update
+        # a crossing shows at the pins at the next tick: half a tick late on average
+        first = end * TICK_CYCLES + TICK_CYCLES // 2 - origin
+        sample(geometry, law, i, first, update * TICK_CYCLES, SECONDS_PER_CYCLE, plan)
+        for j in range(velocity.shape[0]):
+            target = (plan[1, j] + 0.5) * unit
+            if plan[1, j + 1] == plan[1, j]:  # at rest: so far from a crossing that none is reached
+                step_below = math.floor(plan[1, j] + 0.5) * unit
                 target = min(max(target, step_below + margin), step_below + unit - margin)
-            error = target - state[i, POSITION]
+            error = target - position
 
             word = math.floor(error / update + 0.5)
             sign = -1 if word < 0 else 1
             run = update  # ticks that move
-            if sign != state[i, DIRECTION]:
-                run -= freeze(commit, state[i, CROSSING], step, direction)
+            if sign != heading:
+                run -= freeze(commit, tick - beyond // speed, step, direction)
                 word = math.floor(error / run + 0.5)
                 word = min(word, -1) if sign < 0 else max(word, 0)
-                state[i, DIRECTION] = sign
+                heading = sign
             word = min(max(word, -limit), limit)
 
-            position = state[i, POSITION] + word * run
-            state[i, POSITION] = position
-            if word != 0:
-                into = position % unit
-                beyond = into if word > 0 else unit - 1 - into  # the last crossing
-                since = beyond // abs(word)  # ticks from it to the last one
-                if since < run:
-                    state[i, CROSSING] = end - 1 - since
+            position += word * run
+            into = position & (unit - 1)
+            if position >> bits != steps:
+                steps = position >> bits
+                tick, beyond, speed = end - 1, into if word > 0 else unit - 1 - into, abs(word)
             velocity[j, i] = word
-            count[j, i] = position // unit
-            distance = abs(target - position) / unit
-            if distance > worst:
-                worst, worst_axis, worst_update = distance, i, j
-    return worst, worst_axis, worst_update
+            count[j, i] = steps
+            if abs(target - position) > DEVIATION * unit:
+                return abs(target - position) / unit, i, j
+            commit, end = end, end + update
+        state[i, POSITION], state[i, DIRECTION] = position, heading
+        state[i, CROSSING] = tick - beyond // speed
+    return 0.0, 0, 0

@@ -233,7 +233,6 @@ class Converter:
         start = np.floor(trajectory.at(0.0)[0] + 0.5).astype(np.int64)
         self._state[:, 0] = start if position is None else position
         self._state[:, 1] = 0 if fraction is None else fraction
-        self._piece = 0
 
     @property
     def grid(self) -> float:
@@ -280,28 +279,20 @@ class Converter:
         from pulsewright.boards.rapcores.commands_kernel import (  # numba: on first use only
             FASTEST,
             convert,
-            sample,
         )
 
         n = max(min(steps, self.total - self.at), 0)
         motors, plan = self.trajectory.axes, self.trajectory
-        points = np.empty((QUARTERS * (n + self.longest + 1) + 1, motors))
         first = self.at - self.lead
-        self._piece = sample(
-            (plan.poly, plan.cosine, plan.sine, plan.omega),
-            (plan.element, plan.start, plan.law),
-            QUARTERS * first - QUARTERS // 2,
-            self.grid / QUARTERS,
-            QUARTERS * n,
-            self._piece,
-            points,
-        )
         length = np.zeros(n, np.int64)
         columns = [np.zeros((n, motors), np.int64) for _ in range(4)]
         rest = self.total - self.at
         used, converted, bend, rate, motor, when = convert(
-            points,
+            (plan.poly, plan.cosine, plan.sine, plan.omega),
+            (plan.element, plan.start, plan.law),
             np.array([first, n, rest, self.longest, self.ticks, self.word_bits - 1], np.int64),
+            self.grid / QUARTERS,
+            np.empty((1 + motors, QUARTERS * (n + self.longest + 1) + 1)),
             self._state,
             np.empty(motors),
             length,

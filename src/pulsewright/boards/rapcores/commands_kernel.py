@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.boards.rapcores.commands import NEAR, QUARTERS
-from pulsewright.motion.evaluate import position_at
+from pulsewright.compiled import inner
+from pulsewright.motion.evaluate import sample
 from pulsewright.twin.kernel import inlined, kernel
 
 FASTEST: Final = 0.999  # [step per tick]
@@ -21,29 +22,11 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@kernel
-def sample(
-    geometry: Any, law: Any, first: int, quarter: float, mark: int, piece: int, plan: Floats
-) -> int:
-    """Fill ``plan``, (n, motors), from quarter ``first`` of the grid on [step].
-
-    Returns the piece of the plan ``mark`` quarters later; ``piece`` is one at or before the first.
-    """
-    following = piece
-    for i in range(plan.shape[1]):
-        k = piece
-        for q in range(plan.shape[0]):
-            plan[q, i], k = position_at(geometry, law, i, (first + q) * quarter, k)
-            if q == mark:
-                following = k
-    return following
-
-
 @inlined
 def goal(plan: Floats, i: int, q: int) -> float:
     """Return where the accumulator of motor ``i`` should be at quarter ``q`` [step]."""
-    x: float = plan[q, i] + 0.5
-    if plan[q - 2, i] == plan[q, i] or plan[q, i] == plan[q + 2, i]:  # at rest
+    x: float = plan[i, q] + 0.5
+    if plan[i, q - 2] == plan[i, q] or plan[i, q] == plan[i, q + 2]:  # at rest
         step = math.floor(x)
         x = min(max(x, step + CLEAR), step + 1 - CLEAR)  # clear of the crossings
     return x
@@ -76,7 +59,7 @@ def through(
     return half_way, way, way / n - 0.5 * (n - 1.0) * bow, bow
 
 
-@kernel
+@inner
 def fits(plan: Floats, q: int, here: Floats, length: int, ticks: int) -> bool:
     """Tell whether one move of some grid steps from quarter ``q`` on holds the plan of all motors.
 
@@ -86,7 +69,7 @@ def fits(plan: Floats, q: int, here: Floats, length: int, ticks: int) -> bool:
     for i in range(here.size):
         resting = 0
         for p in range(q, q + points):
-            resting += plan[p, i] == plan[p + 1, i]
+            resting += plan[i, p] == plan[i, p + 1]
         half_way, way, speed, bow = through(plan, i, q, here[i], length, n)
         if resting:
             if resting < points or abs(way) > NOISE:
@@ -95,14 +78,16 @@ def fits(plan: Floats, q: int, here: Floats, length: int, ticks: int) -> bool:
         last = speed + (n - 1.0) * bow
         if max(abs(speed), abs(last)) > FASTEST or (straight(way, half_way) and speed * last < 0):
             return False
+        off = 0  # points: counting them all is faster than to leave at the first
         for p in range(1, points):
-            x = here[i] - 0.5 + parabola(speed, bow, p * n / points)
-            if abs(x - plan[q + p, i]) > NEAR:
-                return False
+            x = here[i] - 0.5 + parabola(speed, bow, p * (n / points))
+            off += abs(x - plan[i, q + p]) > NEAR
+        if off:
+            return False
     return True
 
 
-@kernel
+@inner
 def put(
     state: Ints, i: int, target: float, ticks: int, bits: int, speed: float, bow: float
 ) -> tuple[np.int64, np.int64]:
@@ -141,8 +126,11 @@ def put(
 
 @kernel
 def convert(
-    plan: Floats,
+    geometry: Any,
+    law: Any,
     parameters: Ints,
+    quarter: float,
+    places: Floats,
     state: Ints,
     here: Floats,
     length: Ints,
@@ -155,11 +143,15 @@ def convert(
 
     Parameters
     ----------
-    plan : (n, motors) float64
-        From `sample`, from half a grid step before the present grid point on.
+    geometry, law
+        As of `sample`.
     parameters : (6,) int64
         Present grid point, where 0 is time 0; grid steps to convert, at least, and of the rest of
         the plan; most that a move may take; length of a grid step [tick]; fraction bits.
+    quarter : float
+        Of a grid step [s].
+    places : (1 + motors, q) float64
+        To work with: from `sample`, from half a grid step before the present grid point on.
     state : (motors, 2) int64
         Accumulator: step, and fraction.
     here : (motors,) float64
@@ -177,12 +169,15 @@ def convert(
         above `FASTEST`, which ends the conversion.
     """
     first, total, rest, longest, ticks, bits = parameters
+    sample(geometry, law, 0, QUARTERS * first - QUARTERS // 2, 1, quarter, places)
+    plan = places[1:]
+    unit = 2.0**bits
     worst, fastest, motor, when = 0.0, 0.0, 0, 0
     used, at = 0, 0
     while at < total:
         q = QUARTERS // 2 + QUARTERS * at
         for i in range(here.size):
-            here[i] = state[i, POSITION] + state[i, FRACTION] / 2.0**bits
+            here[i] = state[i, POSITION] + state[i, FRACTION] / unit
         size = longest if first + at >= 0 else 1
         while size > 1 and (size > rest - at or not fits(plan, q, here, size, ticks)):
             size //= 2
@@ -198,8 +193,8 @@ def convert(
             if rate > FASTEST:
                 return used, at, worst, fastest, i, at
             for p in range(1, QUARTERS * size, 2):
-                x = here[i] - 0.5 + parabola(speed, bow, p * n / (QUARTERS * size))
-                bend = abs(x - plan[q + p, i])
+                x = here[i] - 0.5 + parabola(speed, bow, p * (n / (QUARTERS * size)))
+                bend = abs(x - plan[i, q + p])
                 if bend > worst and first + at >= 0:  # before, there is no plan to follow
                     worst, motor, when = bend, i, at
             target = goal(plan, i, q + QUARTERS * size)

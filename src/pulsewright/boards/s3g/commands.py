@@ -261,7 +261,6 @@ class Converter:
         # two to see the last step out and rest
         self.total = math.ceil(trajectory.duration * reg.CLOCK_HZ / grid) + 2
         motors = trajectory.axes
-        self._piece = 0
         # position, cycle and sign of the last crossing
         self._state = np.zeros((motors, 3), np.int64)
         self._state[:, 0] = self._sample(0, 1)[1][0] if position is None else position
@@ -322,14 +321,14 @@ class Converter:
         from pulsewright.boards.s3g.commands_kernel import sample
 
         trajectory = self.trajectory
-        plan = np.zeros((count, trajectory.axes), np.int64)
-        goals = np.zeros_like(plan)
-        self._piece = sample(
+        plan = np.empty((count, trajectory.axes), np.int64)
+        goals = np.empty_like(plan)
+        sample(
             (trajectory.poly, trajectory.cosine, trajectory.sine, trajectory.omega),
             (trajectory.element, trajectory.start, trajectory.law),
             first,
             self.grid,
-            self._piece,
+            np.empty((1 + trajectory.axes, count + 2)),
             plan,
             goals,
         )

@@ -10,21 +10,22 @@ from numpy.typing import NDArray
 
 from pulsewright.boards.s3g.commands import LONGEST
 from pulsewright.boards.s3g.registers import CLOCK_HZ, STEP_UNITS
-from pulsewright.motion.evaluate import position_at
-from pulsewright.twin.kernel import inlined, kernel
+from pulsewright.motion.evaluate import sample as positions
+from pulsewright.twin.kernel import hot, inlined, kernel
 
 SECONDS_PER_CYCLE: Final = 1.0 / CLOCK_HZ
 POSITION, CROSSED, SIGN = range(3)  # columns of the state
 FAR: Final = 1 << 40  # a crossing that does not come [clock]
 LOST: Final = 1 << 40  # distance where a step would be lost [unit]
 
+Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
 @kernel
 def sample(
-    geometry: Any, law: Any, first: int, grid: int, piece: int, plan: Ints, goal: Ints
-) -> int:
+    geometry: Any, law: Any, first: int, grid: int, places: Floats, plan: Ints, goal: Ints
+) -> None:
     """Fill ``plan`` and ``goal``, both (n, motors), for grid points from ``first`` on [unit].
 
     The plan is half a step up, so that its crossings are those of a position. The goal is the plan,
@@ -32,19 +33,15 @@ def sample(
     the one after, that no rounding reaches them; and from all where the plan rests. While the plan
     does not go back, no goal does.
 
-    Returns a piece of the plan at or before ``first``; ``piece`` is one, too.
+    ``places`` (1 + motors, n + 2) is to work with.
     """
     margin = grid // 2 + 1  # more than rounding is off
-    time = (first - 1) * grid * SECONDS_PER_CYCLE
-    _, start = position_at(geometry, law, 0, time, piece)
+    positions(geometry, law, 0, (first - 1) * grid, grid, SECONDS_PER_CYCLE, places)
     for i in range(plan.shape[1]):
-        x, k = position_at(geometry, law, i, time, start)
-        before = math.floor((x + 0.5) * STEP_UNITS)
-        x, k = position_at(geometry, law, i, first * grid * SECONDS_PER_CYCLE, k)
-        here = math.floor((x + 0.5) * STEP_UNITS)
+        before = math.floor((places[1 + i, 0] + 0.5) * STEP_UNITS)
+        here = math.floor((places[1 + i, 1] + 0.5) * STEP_UNITS)
         for j in range(plan.shape[0]):
-            x, k = position_at(geometry, law, i, (first + j + 1) * grid * SECONDS_PER_CYCLE, k)
-            ahead = math.floor((x + 0.5) * STEP_UNITS)
+            ahead = math.floor((places[1 + i, j + 2] + 0.5) * STEP_UNITS)
             least = most = here
             if before != here != ahead:
                 least, most = min(before, here, ahead), max(before, here, ahead)
@@ -52,7 +49,6 @@ def sample(
             high = (most // STEP_UNITS + 1) * STEP_UNITS - margin
             plan[j, i], goal[j, i] = here, min(max(here, low), high)
             before, here = here, ahead
-    return start
 
 
 @inlined
@@ -81,7 +77,7 @@ def since_crossing(x: int, v: int) -> int:
     return into // v if v > 0 else (STEP_UNITS - 1 - into) // -v
 
 
-@kernel
+@hot
 def fits(goals: Ints, state: Ints, i: int, at: int, n: int, v: int, parameters: Ints) -> bool:
     """Tell whether velocity ``v`` of motor ``i`` holds the plan for ``n`` grid steps.
 

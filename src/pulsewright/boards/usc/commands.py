@@ -164,12 +164,11 @@ class Converter(UpdateConverter[Updates]):
             update_cycles=update * registers.TICK_CYCLES,
         )
         self.timing = timing
-        # phase base, last pulse and earliest settled pulse [tick]; count; direction; run; piece
-        self._state = np.zeros((trajectory.axes, 7), np.int64)
+        # phase base, last pulse and earliest settled pulse [tick]; count; direction; run
+        self._state = np.zeros((trajectory.axes, 6), np.int64)
         self._state[:, 1] = -(1 << 40)  # no pulse yet
         self._state[:, 3] = np.floor(trajectory.at(0.0)[0] + 0.5)
         self._state[:, 4] = 1
-        self._ahead = np.full((trajectory.axes, 2), np.nan)
 
     @property
     def count(self) -> NDArray[np.int64]:
@@ -195,11 +194,12 @@ class Converter(UpdateConverter[Updates]):
             count=np.zeros((n, AXES), np.int64),
         )
         plan, timing = self.trajectory, self.timing
-        worst, axis, when = convert(
+        behind, axis, when = convert(
             (plan.poly, plan.cosine, plan.sine, plan.omega),
             (plan.element, plan.start, plan.law),
             np.array(
                 [
+                    self.next_cycle,
                     self.start_cycle,
                     self.update_cycles,
                     timing.width,
@@ -211,16 +211,15 @@ class Converter(UpdateConverter[Updates]):
                 np.int64,
             ),
             self._state,
-            self._ahead,
-            cycle,
+            np.empty((2, n + 2)),
             updates.divisor,
             updates.control,
             updates.count,
         )
-        if worst > DEVIATION:
+        if behind > 0:
             seconds = self._seconds(int(cycle[when]))
             raise MotionLimitError(
-                f"usc axis {axis}: falls {worst:.2f} steps behind the plan at {seconds:.4f} s; "
+                f"usc axis {axis}: falls {behind:.2f} steps behind the plan at {seconds:.4f} s; "
                 f"lower the velocity or acceleration of that axis"
             )
         self.position += n

@@ -1037,7 +1037,7 @@ def _line(task: Task, b: Floats, a: Floats, first: int, last: int, soft: float) 
             if i == longest:
                 longer = n
             n += 1
-    return n > 0 and _put(task, b, a, first, last, n, longer)
+    return n > 0 and _put(task, b, a, first, last, n, longer, STEP * ramp / jerk)
 
 
 @inner
@@ -1170,11 +1170,32 @@ def _onward(
 
 
 @inner
-def _put(task: Task, b: Floats, a: Floats, first: int, last: int, n: int, longest: int) -> bool:
+def _part(total: float, pace: float, i: int, count: int) -> float:
+    """Return part ``i`` of a time: about ``pace`` at its ends, and longer between."""
+    middle, left, time = (count - 1) // 2, total, 0.0
+    for k in range(min(i, count - 1 - i) + 1):
+        left -= 2.0 * time
+        time = min(pace, total / count) if k < middle else left / (1 + (count + 1) % 2)
+        pace *= 3.0
+    return time
+
+
+@inner
+def _put(
+    task: Task,
+    b: Floats,
+    a: Floats,
+    first: int,
+    last: int,
+    n: int,
+    longest: int,
+    pace: float,
+) -> bool:
     """Lead ``n`` pieces of constant jerk over the cells of a line, if that keeps the limits.
 
     Their times and jerks are in ``task.work``. The longest piece gets more than one cell if cells
-    are left; and some cells get two pieces, at the ends of the line, if there are too few.
+    are left, see `_part`; and some cells get two pieces, at the ends of the line, if there are too
+    few.
     """
     size, split, lasting, change = task.cells.size, task.split, task.work[0], task.work[1]
     k = last - first
@@ -1217,7 +1238,7 @@ def _put(task: Task, b: Floats, a: Floats, first: int, last: int, n: int, longes
                 piece = i + p if way == 0 else i + pieces - 1 - p
                 t, j = lasting[piece], change[piece]
                 if extra > 0 and piece == longest:
-                    t /= extra + 1.0
+                    t = _part(t, pace, q - longest, extra + 1)
                 if way == 1:
                     t = -t
                 length += (v + (0.5 * rate + j / 6.0 * t) * t) * t

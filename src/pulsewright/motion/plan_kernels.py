@@ -32,7 +32,8 @@ BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
 TWIST_SHARE = 0.9  # of the jerk, for bending at constant speed
 COUPLED_SHARE = 0.5  # of what is left of the jerk, for changing speed where the path bends
 RAMP_SHARE = 0.998  # of the acceleration
-LEAST_SHARE = 0.2  # of the jerk for changing speed
+LEAST_SHARE = 0.1  # of the jerk for changing speed
+DOUBT = 0.7  # of what the jerk took from squares of speeds: it may take less in a second plan
 JERK_SHARE = 0.9  # of the jerk; the two pieces of a cell differ a little
 GROUP = 0.25  # of the time in which acceleration builds up: elements passed in it make one cell
 SPREAD = 6.0  # of it, from where speed changes without a limit of jerk to where with one
@@ -964,18 +965,28 @@ def _bump(b: float, a: float, z: float, wide: float, share: float) -> tuple[floa
 
 @inner
 def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
-    """Plan ``b`` and ``a`` between two nodes, whose values are given."""
+    """Plan ``b`` and ``a`` between two nodes, whose values are given.
+
+    Twice: what is left of acceleration and jerk depends on the speeds, which are those of the
+    second-order optimum at first, and then such as the first plan has.
+    """
     size, ramp, jerk = task.cells.size, task.ramp, task.jerk
-    _envelope(task, b, first, last)
-    _leave(task, b, first, last)
+    best, guess = task.work[6], task.work[7]
     begin, end = a[first], a[last]
+    _envelope(task, b, first, last)
     for i in range(first, last + 1):
-        a[i] = math.nan
+        best[i] = guess[i] = b[i]
+    for _ in range(2):
+        _leave(task, guess, first, last)
+        for i in range(first, last + 1):
+            b[i], a[i] = best[i], math.nan
+        _climb(size, b, a, ramp, jerk, first, last, 1, max(begin, 0.0))
+        _climb(size, b, a, ramp, jerk, last, first, -1, max(-end, 0.0))
+        _round_peaks(size, b, a, jerk, first, last, task.node, task.work)
+        for i in range(first, last + 1):
+            guess[i] = b[i] + DOUBT * (best[i] - b[i])
     for c in range(first, last):
         task.split[c] = 0.5
-    _climb(size, b, a, ramp, jerk, first, last, 1, max(begin, 0.0))
-    _climb(size, b, a, ramp, jerk, last, first, -1, max(-end, 0.0))
-    _round_peaks(size, b, a, jerk, first, last, task.node, task.work)
     a[first], a[last] = begin, end
     for i in range(first + 1, last):
         if math.isnan(a[i]):

@@ -781,25 +781,24 @@ def _bridged(
             split[c], broken[c] = share, False
             return True
     keep, hold, part = task.work[0], task.work[1], task.work[2]
-    low, high = c, c + 1
     for reach in BRIDGES:
-        if low == max(first, c - reach) and high == min(last, c + 1 + reach):
-            break
-        low, high = max(first, c - reach), min(last, c + 1 + reach)
-        total = 0.0
-        for i in range(low, high):
-            total += size[i]
-            keep[i], hold[i], part[i] = b[i], a[i], split[i]
-        v0, v1 = math.sqrt(b[low]), math.sqrt(b[high])
-        for way in range(3):
-            share = 0.5 + 0.2 * (way if way < 2 else -1)
-            time, middle, _ = _pieces(v0, v1, a[low], a[high], total, share)
-            if time > 0.0 and _spread(task, b, a, low, high, time, middle, share):
-                for i in range(low, high):
-                    broken[i] = False
-                return True
+        for side in range(3):  # both, or one of them: on the other the feed may be less
+            low = max(first, c - reach) if side < 2 else c
+            high = min(last, c + 1 + reach) if side != 1 else c + 1
+            total = 0.0
             for i in range(low, high):
-                b[i], a[i], split[i] = keep[i], hold[i], part[i]
+                total += size[i]
+                keep[i], hold[i], part[i] = b[i], a[i], split[i]
+            v0, v1 = math.sqrt(b[low]), math.sqrt(b[high])
+            for way in range(3):
+                share = 0.5 + 0.2 * (way if way < 2 else -1)
+                time, middle, _ = _pieces(v0, v1, a[low], a[high], total, share)
+                if time > 0.0 and _spread(task, b, a, low, high, time, middle, share):
+                    for i in range(low, high):
+                        broken[i] = False
+                    return True
+                for i in range(low, high):
+                    b[i], a[i], split[i] = keep[i], hold[i], part[i]
     return False
 
 

@@ -759,6 +759,8 @@ def _check(
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
+                if trial > 1:  # bending alone may take too much of it
+                    task.ease[near] *= max(0.9, 0.99 / j)
             else:
                 task.ease[near] *= 0.99 / max(v * v, s)
     return count

@@ -33,6 +33,7 @@ TWIST_SHARE = 0.9  # of the jerk, for bending at constant speed
 COUPLED_SHARE = 0.5  # of what is left of the jerk, for changing speed where the path bends
 RAMP_SHARE = 0.998  # of the acceleration
 LEAST_SHARE = 0.1  # of the jerk for changing speed
+SECOND = 0.1  # of squares of speeds, lost to the jerk: then a second plan is worth it
 DOUBT = 0.7  # of what the jerk took from squares of speeds: it may take less in a second plan
 JERK_SHARE = 0.9  # of the jerk; the two pieces of a cell differ a little
 GROUP = 0.25  # of the time in which acceleration builds up: elements passed in it make one cell
@@ -984,6 +985,13 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         _climb(size, b, a, ramp, jerk, first, last, 1, max(begin, 0.0))
         _climb(size, b, a, ramp, jerk, last, first, -1, max(-end, 0.0))
         _round_peaks(size, b, a, jerk, first, last, task.node, task.work)
+        whole, lost = 0.0, 0.0
+        for i in range(first, last):
+            whole += size[i]
+            if b[i] < best[i]:
+                lost += size[i] * (1.0 - b[i] / best[i])
+        if lost < SECOND * whole:
+            break
         for i in range(first, last + 1):
             guess[i] = b[i] + DOUBT * (best[i] - b[i])
     for c in range(first, last):

@@ -15,6 +15,9 @@ With each inequality over its limit, six coefficients remain, the *shares* of a 
 What is chosen are ``b`` and ``a`` at the *nodes* between cells. Whatever they are, a time law with
 two pieces of constant jerk on every cell has exactly these values at its ends; so the acceleration
 is continuous by construction, and limits are checked on the law itself.
+
+On a line the limits are the same everywhere. So the fastest law from one of its ends to the other
+is known, of seven pieces at most, and nodes are put where its jerk changes.
 """
 
 from __future__ import annotations
@@ -659,7 +662,8 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     `_round_peaks`. Where the law of a cell breaks a limit, one law is led over more cells, see
     `_bridged`. If that does not help, limits are tightened there and the speeds around it are
     planned again; a run that does not come to an end is slowed down as a whole. At last, speeds are
-    raised where limits still hold then, see `_raise`: shares of the jerk were estimates.
+    raised where limits still hold then, see `_raise`: shares of the jerk were estimates. Cells of
+    lines change their sizes, see `_line`.
 
     ``square`` and ``slope`` are b and a at the first node, 0 at rest. What begins in motion cannot
     be slowed down as a whole; where that would be needed, the last number of repairs is negative.

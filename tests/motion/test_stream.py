@@ -228,7 +228,7 @@ def test_an_override_changes_the_feed_at_once(factor, speed):
     least = change / ACCELERATION + ACCELERATION / JERK
     if change < ACCELERATION**2 / JERK:
         least = 2 * math.sqrt(change / JERK)
-    assert trajectory.at(2.0 + 2.0 * least, 1)[0, 0] == pytest.approx(speed, rel=5e-3)
+    assert trajectory.at(2.0 + 1.4 * least, 1)[0, 0] == pytest.approx(speed, rel=5e-3)
     assert trajectory.at(2.0 + 0.5 * least, 1)[0, 0] != pytest.approx(speed, rel=1e-2)
     check_path(trajectory, plan(moves, MACHINE))
     last = parts[-1]

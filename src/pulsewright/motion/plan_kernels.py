@@ -15,6 +15,9 @@ With each inequality over its limit, six coefficients remain, the *shares* of a 
 What is chosen are ``b`` and ``a`` at the *nodes* between cells. Whatever they are, a time law with
 two pieces of constant jerk on every cell has exactly these values at its ends; so the acceleration
 is continuous by construction, and limits are checked on the law itself.
+
+On a line the limits are the same everywhere. So the fastest law from one of its ends to the other
+is known, of seven pieces at most, and nodes are put where its jerk changes.
 """
 
 from __future__ import annotations
@@ -32,7 +35,9 @@ BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
 TWIST_SHARE = 0.9  # of the jerk, for bending at constant speed
 COUPLED_SHARE = 0.5  # of what is left of the jerk, for changing speed where the path bends
 RAMP_SHARE = 0.998  # of the acceleration
-LEAST_SHARE = 0.2  # of the jerk for changing speed
+LEAST_SHARE = 0.1  # of the jerk for changing speed
+SECOND = 0.1  # of squares of speeds, lost to the jerk: then a second plan is worth it
+DOUBT = 0.7  # of what the jerk took from squares of speeds: it may take less in a second plan
 JERK_SHARE = 0.9  # of the jerk; the two pieces of a cell differ a little
 GROUP = 0.25  # of the time in which acceleration builds up: elements passed in it make one cell
 SPREAD = 6.0  # of it, from where speed changes without a limit of jerk to where with one
@@ -51,8 +56,12 @@ BRIDGES = (1, 2, 3, 5)  # cells on both sides of a broken one that change with i
 WORTH = 0.01  # of a run's time, lost to the jerk: then it is worth to raise speeds
 GAIN = 0.03  # the same of some cells
 WIDE = 16  # cells whose speeds are raised together, at most; and half as many, and so on
-RAISE = 0.027  # of the squares of speeds, in the middle of these cells, at least
+RAISE = 0.015  # of the squares of speeds, in the middle of these cells, at least
 NEVER = 1.08  # of the second-order optimum: squares of speeds are lower
+LINE_SHARE = 0.999  # of the acceleration on lines
+LEAST_PIECE = 1e-5  # of the longest one on a line: what is shorter is left out
+LINE_JERK = 0.9999  # of the jerk on lines
+LINE_SOFT = 0.8  # the same until speeds are raised beside them
 PARTS = 4096  # cells of one element at most
 
 
@@ -166,12 +175,13 @@ def _cut(
     delay: float,
     widest: float,
     flat: bool,
+    straight: bool,
     out: Floats,
 ) -> int:
     """Put where to cut an element into ``out``, from 0 to ``total``; return how many cells.
 
     Squares of its speed without a limit of jerk are ``from_`` and ``to`` at the ends and ``peak``
-    between, which is kept there if ``flat``.
+    between, which is kept there if ``flat``. Where it is ``straight``, few cells do: see `_line`.
     """
     pace = STEP * delay
     least = 0.01 * delay * delay * ramp  # from rest, 0.4 of the delay
@@ -180,6 +190,15 @@ def _cut(
     up, down = (peak - from_) / rise, total - (peak - to) / rise
     n, x, y = 0, 0.0, total
     out[0] = 0.0
+    if straight and total > 8.0 * (begin + finish):
+        first, final = max(up, 2.0 * begin), max(total - down, 2.0 * finish)
+        if first + final < total:
+            out[1], out[2], out[3] = 0.5 * first, first, total - final
+            out[4], out[5] = total - 0.5 * final, total
+            return 5
+        first *= total / (first + final)
+        out[1], out[2], out[3], out[4] = 0.5 * first, first, 0.5 * (first + total), total
+        return 4
     if up > begin and total - up > 0.5 * finish:
         n = _graded(0.0, 0.5 * up, begin, from_, rise, pace, widest, False, out, n)
         n = _graded(0.5 * up, up, inside, peak, 0.0, pace, widest, True, out, n)
@@ -242,21 +261,22 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
             speed[e] = min(
                 cap[e - 1], cap[e], speed[e - 1] + 2.0 * ramp[e - 1] * path.length[e - 1]
             )
-    busy = np.empty(m)  # distance to where the speed changes
+    busy = np.empty(m)  # distance to elements where the speed changes; -1 for these
     near = math.inf
     for e in range(m - 1, -1, -1):
         speed[e] = min(speed[e], speed[e + 1] + 2.0 * ramp[e] * path.length[e])
-        most = min(speed[e], speed[e + 1], path.feed[e] * path.feed[e])
-        if most < 0.999 * cap[e] or cap[e] == 0.0:
-            near = 0.0
         busy[e] = near
         near += path.length[e]
+        most = min(speed[e], speed[e + 1], path.feed[e] * path.feed[e])
+        if most < 0.999 * cap[e] or cap[e] == 0.0:
+            busy[e], near = -1.0, 0.0
     near = math.inf
     for e in range(m):
-        if busy[e] == 0.0:
+        if busy[e] < 0.0:
             near = 0.0
-        busy[e] = min(busy[e], near)
-        near += path.length[e]
+        else:
+            busy[e] = min(busy[e], near)
+            near += path.length[e]
 
     size = m + 1024
     element, offset, length = np.empty(size, np.int64), np.empty(size), np.empty(size)
@@ -287,11 +307,14 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
                 low, top = slow, fast
                 total += path.length[j]
                 count += 1
-            if count == 1 and busy[e] < SPREAD * delay * math.sqrt(top):
+            straight = not _is_bent(path, e)
+            if count == 1 and (straight or busy[e] < SPREAD * delay * math.sqrt(top)):
                 widest = WIDEST / path.omega[e] if path.omega[e] > 0.0 else math.inf
                 peak = min(0.5 * (speed[e] + speed[e + 1]) + ramp[e] * total, top)
                 parts = _cut(
-                    total, speed[e], speed[e + 1], peak, ramp[e], delay, widest, peak == top, cut
+                    *(total, speed[e], speed[e + 1], peak, ramp[e], delay, widest, peak == top),
+                    straight,
+                    cut,
                 )
                 if parts == 1 and starts and ends:
                     parts, cut[1], cut[2] = 2, 0.5 * total, total
@@ -321,12 +344,8 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
             rest[c] = True
             continue
         rest[c] = after > e and path.rest[after - 1]
-        if after <= e + 1:
-            bends = path.omega[e] != 0.0
-            for axis in range(6):
-                bends |= path.poly[e, 2, axis] != 0.0 or path.poly[e, 3, axis] != 0.0
-            if not bends or length[c] == path.length[e]:
-                continue
+        if after <= e + 1 and (length[c] == path.length[e] or not _is_bent(path, e)):
+            continue
         if used == share.shape[0]:
             more = np.empty((2 * used, rows, 6))
             for p in range(used):
@@ -349,6 +368,15 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
         if c == 0 or row[c] != row[c - 1]:
             matter[row[c]] = _compacted(share[row[c]])
     return Cells(element[:n], offset[:n], length[:n], rest, row, share[:used], matter)
+
+
+@inner
+def _is_bent(path: Elements, e: int) -> bool:
+    """Return whether element ``e`` is not a line."""
+    bent: bool = path.omega[e] != 0.0
+    for axis in range(6):
+        bent |= path.poly[e, 2, axis] != 0.0 or path.poly[e, 3, axis] != 0.0
+    return bent
 
 
 @inner
@@ -413,7 +441,10 @@ def _gain(v: float, a: float, top: float, jerk: float, size: float) -> tuple[flo
         time -= over / rate
     after = a + jerk * time
     if after > top:
-        return v * v + (a + top) * size, top
+        time = max(top - a, 0.0) / jerk
+        way = (v + (0.5 * a + jerk / 6.0 * time) * time) * time
+        v += 0.5 * (a + top) * time
+        return v * v + 2.0 * top * (size - way), top
     speed = v + 0.5 * (a + after) * time
     return speed * speed, after
 
@@ -521,6 +552,13 @@ def _slope(b: Floats, size: Floats, jerk: Floats, i: int) -> float:
     if flat or left < 0.0 < right:  # the lowest place: whatever climbs from it, begins so
         return 0.0
     mean: float = (left * y + right * x) / (x + y)
+    time = 0.5 / math.sqrt(b[i]) if b[i] > 0.0 else 0.0
+    before, after = time * jerk[i - 1] * x, time * jerk[i] * y
+    for short in range(2):  # the shorter cell has the last word
+        if (before < after) == (short == 1):
+            mean = min(max(mean, left - before), left + before)
+        else:
+            mean = min(max(mean, right - after), right + after)
     return mean
 
 
@@ -624,7 +662,8 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     `_round_peaks`. Where the law of a cell breaks a limit, one law is led over more cells, see
     `_bridged`. If that does not help, limits are tightened there and the speeds around it are
     planned again; a run that does not come to an end is slowed down as a whole. At last, speeds are
-    raised where limits still hold then, see `_raise`: shares of the jerk were estimates.
+    raised where limits still hold then, see `_raise`: shares of the jerk were estimates. Cells of
+    lines change their sizes, see `_line`.
 
     ``square`` and ``slope`` are b and a at the first node, 0 at rest. What begins in motion cannot
     be slowed down as a whole; where that would be needed, the last number of repairs is negative.
@@ -633,7 +672,7 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
     b, a = np.zeros(n + 1), np.zeros(n + 1)
     task = Task(
         grid, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
-        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((9, n + 1)),
+        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((9, n + 8)),
     )  # fmt: skip
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
@@ -657,7 +696,7 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
                     break
                 left = 0
                 c = first
-                reach = 2 << min(trial, 20)
+                reach = 4 << min(trial, max(5, trial - 8))
                 while c < last:
                     if not broken[c]:
                         c += 1
@@ -682,6 +721,7 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
                 repaired[2] += 1
                 _slow_down(task, b, a, first, last)
             _raise(task, b, a, first, last)
+            _straight(task, b, a, first, last, LINE_JERK)
         first = last
     return b, a, task.split, repaired
 
@@ -700,8 +740,8 @@ def _check(
     """Find the cells whose law breaks a limit, tighten limits there, and return how many."""
     count, cells, v0 = 0, task.cells, math.sqrt(b[first])
     for c in range(first, last):
-        task.split[c], v1 = 0.5, math.sqrt(b[c + 1])
-        _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], 0.5)
+        v1 = math.sqrt(b[c + 1])
+        _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], task.split[c])
         broken[c] = not max(v, s, j) <= 1.0 + ROUNDING
         v0 = v1
     for c in range(first, last):
@@ -724,6 +764,8 @@ def _check(
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
+                if trial > 1:  # bending alone may take too much of it
+                    task.ease[near] *= max(0.9, 0.99 / j)
             else:
                 task.ease[near] *= 0.99 / max(v * v, s)
     return count
@@ -746,25 +788,24 @@ def _bridged(
             split[c], broken[c] = share, False
             return True
     keep, hold, part = task.work[0], task.work[1], task.work[2]
-    low, high = c, c + 1
     for reach in BRIDGES:
-        if low == max(first, c - reach) and high == min(last, c + 1 + reach):
-            break
-        low, high = max(first, c - reach), min(last, c + 1 + reach)
-        total = 0.0
-        for i in range(low, high):
-            total += size[i]
-            keep[i], hold[i], part[i] = b[i], a[i], split[i]
-        v0, v1 = math.sqrt(b[low]), math.sqrt(b[high])
-        for way in range(3):
-            share = 0.5 + 0.2 * (way if way < 2 else -1)
-            time, middle, _ = _pieces(v0, v1, a[low], a[high], total, share)
-            if time > 0.0 and _spread(task, b, a, low, high, time, middle, share):
-                for i in range(low, high):
-                    broken[i] = False
-                return True
+        for side in range(3):  # both, or one of them: on the other the feed may be less
+            low = max(first, c - reach) if side < 2 else c
+            high = min(last, c + 1 + reach) if side != 1 else c + 1
+            total = 0.0
             for i in range(low, high):
-                b[i], a[i], split[i] = keep[i], hold[i], part[i]
+                total += size[i]
+                keep[i], hold[i], part[i] = b[i], a[i], split[i]
+            v0, v1 = math.sqrt(b[low]), math.sqrt(b[high])
+            for way in range(3):
+                share = 0.5 + 0.2 * (way if way < 2 else -1)
+                time, middle, _ = _pieces(v0, v1, a[low], a[high], total, share)
+                if time > 0.0 and _spread(task, b, a, low, high, time, middle, share):
+                    for i in range(low, high):
+                        broken[i] = False
+                    return True
+                for i in range(low, high):
+                    b[i], a[i], split[i] = keep[i], hold[i], part[i]
     return False
 
 
@@ -930,16 +971,35 @@ def _bump(b: float, a: float, z: float, wide: float, share: float) -> tuple[floa
 
 @inner
 def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
-    """Plan ``b`` and ``a`` between two nodes, whose values are given."""
+    """Plan ``b`` and ``a`` between two nodes, whose values are given.
+
+    Twice: what is left of acceleration and jerk depends on the speeds, which are those of the
+    second-order optimum at first, and then such as the first plan has.
+    """
     size, ramp, jerk = task.cells.size, task.ramp, task.jerk
-    _envelope(task, b, first, last)
-    _leave(task, b, first, last)
+    best, guess = task.work[6], task.work[7]
     begin, end = a[first], a[last]
+    _envelope(task, b, first, last)
     for i in range(first, last + 1):
-        a[i] = math.nan
-    _climb(size, b, a, ramp, jerk, first, last, 1, max(begin, 0.0))
-    _climb(size, b, a, ramp, jerk, last, first, -1, max(-end, 0.0))
-    _round_peaks(size, b, a, jerk, first, last, task.node, task.work)
+        best[i] = guess[i] = b[i]
+    for _ in range(2):
+        _leave(task, guess, first, last)
+        for i in range(first, last + 1):
+            b[i], a[i] = best[i], math.nan
+        _climb(size, b, a, ramp, jerk, first, last, 1, max(begin, 0.0))
+        _climb(size, b, a, ramp, jerk, last, first, -1, max(-end, 0.0))
+        _round_peaks(size, b, a, jerk, first, last, task.node, task.work)
+        whole, lost = 0.0, 0.0
+        for i in range(first, last):
+            whole += size[i]
+            if b[i] < best[i]:
+                lost += size[i] * (1.0 - b[i] / best[i])
+        if lost < SECOND * whole:
+            break
+        for i in range(first, last + 1):
+            guess[i] = b[i] + DOUBT * (best[i] - b[i])
+    for c in range(first, last):
+        task.split[c] = 0.5
     a[first], a[last] = begin, end
     for i in range(first + 1, last):
         if math.isnan(a[i]):
@@ -950,6 +1010,281 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         if i == last - 1 and b[last] == 0.0:
             top = min(top, b[i] / size[i] * (2 / 3))
         a[i] = min(max(a[i], -top), top)
+    _straight(task, b, a, first, last, LINE_SOFT)
+
+
+@inner
+def _straight(task: Task, b: Floats, a: Floats, first: int, last: int, soft: float) -> None:
+    """Give lines between two nodes the fastest law from one of their ends to the other."""
+    row, share, rows = task.cells.row, task.cells.share, task.cells.rows
+    begin = first
+    while begin < last:
+        end, r = begin + 1, row[begin]
+        while end < last and row[end] == r:
+            end += 1
+        straight = rows[r] == 1 and share[r, 0, 3] == 0.0 and share[r, 0, 5] == 0.0
+        if straight and end > begin + 1 and not _line(task, b, a, begin, end, soft):
+            _line(task, b, a, begin, end, LINE_JERK)
+        begin = end
+
+
+@inner
+def _line(task: Task, b: Floats, a: Floats, first: int, last: int, soft: float) -> bool:
+    """Give the cells of a line the fastest law between two nodes, whose values stay.
+
+    ``soft`` is the share of the jerk. Nothing changes, and the result is False, if there is none.
+    """
+    share, row = task.cells.share, task.cells.row[first]
+    most, ramp = 1.0 / share[row, 0, 0], LINE_SHARE / share[row, 0, 1]
+    jerk = soft / share[row, 0, 2]
+    v0, a0, v1, a1 = math.sqrt(b[first]), a[first], math.sqrt(b[last]), -a[last]
+    total = 0.0
+    for c in range(first, last):
+        total += task.cells.size[c]
+    short = (1.0 - LINE_SHARE) * ramp / jerk  # so short a piece is none
+    ramp0 = a0 if a0 > LINE_SHARE * ramp else ramp
+    ramp1 = a1 if a1 > LINE_SHARE * ramp else ramp
+    times = _fastest(v0, a0, v1, a1, total, most, ramp0, ramp1, jerk, short)
+    if 0.0 < times[1] < short or 0.0 < times[5] < short:
+        ramp0 = math.inf if times[1] < short else ramp0
+        ramp1 = math.inf if times[5] < short else ramp1
+        times = _fastest(v0, a0, v1, a1, total, most, ramp0, ramp1, jerk, short)
+    longest, n, longer = 0, 0, 0
+    for i in range(7):
+        if times[i] > times[longest]:
+            longest = i
+    lasting, change = task.work[0], task.work[1]
+    jerks = (jerk, 0.0, -jerk, 0.0, -jerk, 0.0, jerk)
+    for i in range(7):
+        if times[i] > LEAST_PIECE * times[longest]:
+            lasting[n], change[n] = times[i], jerks[i]
+            if i == longest:
+                longer = n
+            n += 1
+    return n > 0 and _put(task, b, a, first, last, n, longer, STEP * ramp / jerk)
+
+
+@inner
+def _fastest(
+    v0: float,
+    a0: float,
+    v1: float,
+    a1: float,
+    total: float,
+    most: float,
+    ramp0: float,
+    ramp1: float,
+    jerk: float,
+    short: float,
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return how long the jerk is positive, 0, negative, 0, negative, 0, positive; all 0: no way.
+
+    The first three are from ``v0`` and ``a0`` to the largest speed, and the last three from there
+    to ``v1`` and an acceleration of ``-a1``. On a short line the acceleration is never 0; then
+    there is no largest speed inside, see `_onward`. A time of largest speed is not ``short``.
+    """
+    least0, least1 = v0 + 0.5 * a0 * abs(a0) / jerk, v1 + 0.5 * a1 * abs(a1) / jerk
+    low, none = max(least0, least1), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if min(least0, least1) < 0.0 or low > most * (1.0 + ROUNDING):
+        return none
+    _, _, way = _faster(v0, a0, low, 0.0, ramp0, jerk)
+    _, _, back = _faster(v1, a1, low, 0.0, ramp1, jerk)
+    if way + back > total:
+        if least0 < least1:
+            rate, top, hold = _onward(v0, a0, v1, -a1, total, ramp0, jerk)
+            times = (
+                (top - a0) / jerk,
+                hold,
+                (top - rate) / jerk,
+                0.0,
+                0.0,
+                0.0,
+                -(a1 + rate) / jerk,
+            )
+        else:
+            rate, top, hold = _onward(v1, a1, v0, -a0, total, ramp1, jerk)
+            times = (
+                -(a0 + rate) / jerk,
+                0.0,
+                0.0,
+                0.0,
+                (top - rate) / jerk,
+                hold,
+                (top - a1) / jerk,
+            )
+        return times if rate >= 0.0 else none
+    peak, high, cruise = max(most, low), max(most, low), 0.0
+    top0, hold0, top1, hold1 = 0.0, 0.0, 0.0, 0.0
+    for trial in range(60):
+        top0, hold0, way = _faster(v0, a0, peak, 0.0, ramp0, jerk)
+        top1, hold1, back = _faster(v1, a1, peak, 0.0, ramp1, jerk)
+        over = way + back - total
+        if trial == 0 and over <= 0.0:
+            cruise = -over / peak
+            slower = peak - short * max(top0, top1)
+            if cruise >= short or slower <= low:
+                break
+            peak = slower  # that takes longer, and leaves a longer time at it
+            top0, hold0, way = _faster(v0, a0, peak, 0.0, ramp0, jerk)
+            top1, hold1, back = _faster(v1, a1, peak, 0.0, ramp1, jerk)
+            cruise = (total - way - back) / peak
+            break
+        if abs(over) <= 1e-14 * total:
+            break
+        if over > 0.0:
+            high = peak
+        else:
+            low = peak
+        peak -= over / (peak / top0 + peak / top1 + 0.5 * (top0 + top1) / jerk)
+        if not low < peak < high:
+            peak = 0.5 * (low + high)
+    down, up = top0 / jerk, top1 / jerk
+    if cruise == 0.0:
+        down, up = down + up, 0.0
+    return (top0 - a0) / jerk, hold0, down, cruise, up, hold1, (top1 - a1) / jerk
+
+
+@inner
+def _faster(
+    v: float, a: float, speed: float, rate: float, ramp: float, jerk: float
+) -> tuple[float, float, float]:
+    """Return the largest acceleration on the way to a speed, how long it stays, and the distance.
+
+    From ``v`` and ``a``; the acceleration is ``rate``, 0 or more, at the end.
+    """
+    top = math.sqrt(max(jerk * (speed - v) + 0.5 * (a * a + rate * rate), 0.0))
+    top, hold = max(top, a, rate), 0.0
+    if top > ramp:
+        top = ramp
+        hold = max((speed - v - (top * top - 0.5 * (a * a + rate * rate)) / jerk) / top, 0.0)
+    begin, end = (top - a) / jerk, (top - rate) / jerk
+    rising = v + 0.5 * (a + top) * begin
+    way = (v + (0.5 * a + jerk / 6.0 * begin) * begin) * begin
+    way += (rising + 0.5 * top * hold) * hold
+    return top, hold, way + (speed - (0.5 * rate + jerk / 6.0 * end) * end) * end
+
+
+@inner
+def _onward(
+    v: float, a: float, speed: float, rate: float, total: float, ramp: float, jerk: float
+) -> tuple[float, float, float]:
+    """Return the least and the largest acceleration to a faster state, and how long that stays.
+
+    From ``v`` and ``a`` the acceleration rises to the largest, then it falls to the least, and then
+    it rises to ``rate``. A least one of 0 makes it too far. The least one is negative if there is
+    no such way.
+    """
+    low, high = 0.0, rate
+    least, top, hold = rate, 0.0, 0.0
+    for trial in range(60):
+        end = (rate - least) / jerk
+        between = speed - 0.5 * (rate + least) * end
+        top, hold, way = _faster(v, a, between, least, ramp, jerk)
+        over = way + (speed - (0.5 * rate - jerk / 6.0 * end) * end) * end - total
+        if trial == 0 and not over <= 0.0:
+            return -1.0, 0.0, 0.0
+        if abs(over) <= 1e-14 * total:
+            break
+        if over > 0.0:
+            low = least
+        else:
+            high = least
+        least = 0.5 * (low + high)
+    return least, top, hold
+
+
+@inner
+def _part(total: float, pace: float, i: int, count: int) -> float:
+    """Return part ``i`` of a time: about ``pace`` at its ends, and longer between."""
+    middle, left, time = (count - 1) // 2, total, 0.0
+    for k in range(min(i, count - 1 - i) + 1):
+        left -= 2.0 * time
+        time = min(pace, total / count) if k < middle else left / (1 + (count + 1) % 2)
+        pace *= 3.0
+    return time
+
+
+@inner
+def _put(
+    task: Task,
+    b: Floats,
+    a: Floats,
+    first: int,
+    last: int,
+    n: int,
+    longest: int,
+    pace: float,
+) -> bool:
+    """Lead ``n`` pieces of constant jerk over the cells of a line, if that keeps the limits.
+
+    Their times and jerks are in ``task.work``. The longest piece gets more than one cell if cells
+    are left, see `_part`; and some cells get two pieces, at the ends of the line, if there are too
+    few.
+    """
+    size, split, lasting, change = task.cells.size, task.split, task.work[0], task.work[1]
+    k = last - first
+    pairs, extra = max(n - k, 0), max(k - n, 0)
+    if 2 * pairs > n:
+        return False
+    lead, tail = pairs - pairs // 2, pairs // 2
+    if longest < 2 * lead:
+        meet = longest // 2
+    elif longest >= n - 2 * tail:
+        meet = k - 1 - (n - 1 - longest) // 2
+    else:
+        meet = longest - lead + extra
+    kept = (task.work[2], task.work[3], task.work[4], task.work[5])
+    total = 0.0
+    for q in range(k):
+        c = first + q
+        kept[0][q], kept[1][q], kept[2][q], kept[3][q] = size[c], split[c], b[c], a[c]
+        total += size[c]
+    left = total
+    for way in range(2):  # from both ends, to the cell with the longest piece
+        at = first if way == 0 else last
+        v, rate = math.sqrt(b[at]), a[at]
+        for count in range(meet + 1 if way == 0 else k - meet):
+            q = count if way == 0 else k - 1 - count
+            c = first + q
+            if q < lead:
+                i, pieces = 2 * q, 2
+            elif k - 1 - q < tail:
+                i, pieces = n - 2 * (k - q), 2
+            else:
+                i, pieces = min(q, max(longest, q - extra)) if extra > 0 else q + lead, 1
+            split[c] = 0.5
+            if pieces == 2:
+                split[c] = min(max(lasting[i] / (lasting[i] + lasting[i + 1]), 1e-3), 0.999)
+            if q == meet:
+                break
+            length = 0.0
+            for p in range(pieces):
+                piece = i + p if way == 0 else i + pieces - 1 - p
+                t, j = lasting[piece], change[piece]
+                if extra > 0 and piece == longest:
+                    t = _part(t, pace, q - longest, extra + 1)
+                if way == 1:
+                    t = -t
+                length += (v + (0.5 * rate + j / 6.0 * t) * t) * t
+                v += (rate + 0.5 * j * t) * t
+                rate += j * t
+            size[c] = abs(length)
+            left -= size[c]
+            at = c + 1 if way == 0 else c
+            b[at], a[at] = v * v, rate
+    size[first + meet] = left
+    fine = left > 0.0
+    for c in range(first, last):
+        fine = fine and size[c] > 0.0 and _holds(task.cells, b, a, c, split[c])
+    for q in range(k):
+        c = first + q
+        if not fine:
+            size[c], split[c] = kept[0][q], kept[1][q]
+            if q > 0:
+                b[c], a[c] = kept[2][q], kept[3][q]
+        if q > 0:
+            task.cells.offset[c] = task.cells.offset[c - 1] + size[c - 1]
+    return fine
 
 
 @inner

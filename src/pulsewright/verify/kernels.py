@@ -74,7 +74,8 @@ def follow(
     bound : float
         Deviations above it are counted [step].
     poly, cosine, sine, omega, element, start, law, motor
-        The plan in steps, as in `Trajectory`, and the coordinate to follow.
+        The plan in steps, as in `Trajectory`, and the coordinate to follow. A part of the plan
+        that reaches as far as the chunk does; ``state[PIECE]`` is a piece of that part.
     window : (windows, 2) int64
         First and last cycle of intervals, by first cycle, in which to note the counts.
     seen : (windows, 2) int64

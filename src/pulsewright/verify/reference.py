@@ -19,6 +19,7 @@ Ints = NDArray[np.int64]
 
 FAR: Final = 1 << 62  # a cycle that no recording reaches
 ROUNDING: Final = 1e-6  # of programs and their geometry [mm, degrees]
+PORTION: Final = 4096  # instants of a plan that are looked at together, for little memory
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,10 @@ class Reference:
 
     Attributes
     ----------
-    plan, steps : Trajectory
-        The plan in machine axes, and in motor steps.
+    plan : Trajectory
+        In machine axes.
+    matrix : (motors, 6) float64
+        The motor matrix.
     inverse : (6, motors) float64
         Axis units per step of each motor, by the pseudo-inverse: two motors of a gantry count half.
     start, grid : int
@@ -89,7 +92,7 @@ class Reference:
         self.tolerances, self.clock, self.start = tolerances, clock_hz, start_cycle
         self.motors, self.moves = tuple(motors), moves
         self.plan = _with_rest(trajectory, moves)
-        matrix = np.asarray(motor_matrix, float)
+        self.matrix = matrix = np.asarray(motor_matrix, float)
         if matrix.shape != (len(self.motors), len(AXES)):
             raise UsageError(
                 f"the motor matrix must be {(len(self.motors), len(AXES))} for "
@@ -105,7 +108,6 @@ class Reference:
                 f"the program moves axis {', '.join(orphans)}, but the motors do not determine "
                 f"where it is: check motors and kinematics of the machine"
             )
-        self.steps = self.plan.mapped(matrix)
         self.home = self.plan.at(0.0)[0]
         self.home_steps = matrix @ self.home
         counts = np.floor(self.home_steps + 0.5) if start_counts is None else start_counts
@@ -116,9 +118,13 @@ class Reference:
 
     def follow(self, plan: Trajectory, override: Floats) -> None:
         """Go on with another law of time on the same elements; see `Verifier.follow`."""
-        law = plan.element, plan.start, plan.law
-        self.plan, self.steps = self.plan.timed(*law), self.steps.timed(*law)
+        self.plan = self.plan.timed(plan.element, plan.start, plan.law)
         self.runs = Runs(self.plan, self.moves, override)
+
+    def motors_at(self, time: Floats) -> Floats:
+        """Return planned positions of the motors at times, (n, motors) [step]."""
+        portions = np.array_split(time, len(time) // PORTION + 1)
+        return np.concatenate([self.plan.at(t, matrix=self.matrix) for t in portions])
 
     def tool(self, steps: NDArray[Any]) -> Floats:
         """Return tool positions (n, 6) of motor positions (n, motors)."""

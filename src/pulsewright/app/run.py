@@ -198,7 +198,14 @@ class Job:
                     f"link '{link}' does not record step edges, which trace.vcd holds; leave it "
                     f"out, or use twin:"
                 )
-            return self._run_on(driver, room, _watched(own), feeding, out, vcd, progress)
+            result = self._run_on(driver, room, _watched(own), feeding, out, progress)
+        del driver, standing, feeding  # and the memory they take
+        if result.folder is not None:
+            with self.clock.stage("write"):
+                progress("report", 0.0)
+                result.write(result.folder, vcd=vcd)
+                progress("report", 1.0)
+        return result
 
     @contextmanager
     def _fed(self, feed: FeedControl | None) -> Iterator[Feeding]:
@@ -221,7 +228,6 @@ class Job:
         watched: Mapping[str, Any],
         feeding: Feeding,
         out: Path | str | None,
-        vcd: bool,
         progress: Progress,
     ) -> Result:
         machine = self.machine
@@ -275,13 +281,7 @@ class Job:
                     progress("run", min(until / max(self.duration, 1e-9), 1.0))
                 with self.clock.stage("verify"):
                     verdict = verifier.finish()
-        result = self._result(driver, player, outputs, feeding, verdict, folder)
-        if folder is not None:
-            with self.clock.stage("write"):
-                progress("report", 0.0)
-                result.write(folder, vcd=vcd)
-                progress("report", 1.0)
-        return result
+        return self._result(driver, player, outputs, feeding, verdict, folder)
 
     def _run_unseen(
         self,
@@ -296,11 +296,7 @@ class Job:
         with _folder(out) as folder:
             for until in self._played(player, outputs, feeding):
                 progress("run", min(until / max(self.duration, 1e-9), 1.0))
-            result = self._result(driver, player, outputs, feeding, None, folder)
-            if folder is not None:
-                with self.clock.stage("write"):
-                    result.write(folder)
-        return result
+        return self._result(driver, player, outputs, feeding, None, folder)
 
     def _played(self, player: Player, outputs: _Outputs, feeding: Feeding) -> Iterator[float]:
         """Play in portions of `CHUNK` at most; yield the time up to which has been played [s]."""

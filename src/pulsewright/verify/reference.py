@@ -150,10 +150,10 @@ class Runs:
 
     Attributes
     ----------
-    since, move, until : (r,) int64
-        First and last move that the run stands for, and the last that its last blend may reach.
-    start, end : (r,) float64
-        [s]
+    move : (r,) int64
+        The last move that the run stands for.
+    start : (r + 1,) float64
+        When it begins, and the last one ends [s].
     tolerance : (r,) float64
         Largest tolerance of the corners that the run touches, or of chords for short lines [mm].
     rapid : (r,) bool
@@ -168,14 +168,11 @@ class Runs:
 
     def __init__(self, plan: Trajectory, moves: Moves, override: Floats | None = None) -> None:
         self._begin = plan.start[:-1]
-        self._override = np.ones(len(plan.element)) if override is None else override
-        move = plan.move[plan.element].astype(np.int64)
-        first = np.flatnonzero(np.diff(move, prepend=-1))
-        self.move = move[first]
-        self.since = np.append(0, self.move[:-1] + 1)
-        self.until = np.append(self.move[1:], self.move[-1])
-        self.start = plan.start[:-1][first]
-        self.end = np.append(self.start[1:], plan.duration)
+        self._override = override
+        move = plan.move[plan.element]
+        first = np.flatnonzero(np.diff(move, prepend=np.int32(-1)))
+        self.move = move[first].astype(np.int64)
+        self.start = np.append(plan.start[first], plan.duration)
         straight = (plan.poly[:, 2:] == 0).all(axis=(1, 2))[plan.element]
         self.entered = np.minimum.reduceat(np.where(straight, plan.start[:-1], np.inf), first)
         self.left = np.maximum.reduceat(np.where(straight, plan.start[1:], -np.inf), first)
@@ -228,7 +225,7 @@ class Runs:
         lent = largest(self.lent[group], before, run + 1)
         blended = (time < self.entered[run]) | (time > self.left[run])
         most = np.where(blended, lent, feed)
-        if (self._override == 1).all():
+        if self._override is None:
             return np.asarray(most)
         piece = np.maximum(np.searchsorted(self._begin, time, "right") - 1, 0)
         ahead = np.append(piece[:1], piece[:-1])
@@ -238,8 +235,16 @@ class Runs:
 
     def at(self, time: Floats) -> Ints:
         """Return the run at each time [s]."""
-        found = np.searchsorted(self.start, time, side="right") - 1
+        found = np.searchsorted(self.start[:-1], time, side="right") - 1
         return np.maximum(found, 0).astype(np.int64)
+
+    def since(self, run: Ints) -> Ints:
+        """Return the first move that each of some runs stands for."""
+        return np.where(run > 0, self.move[run - 1] + 1, 0)
+
+    def until(self, run: Ints) -> Ints:
+        """Return the last move that the blend at the end of each of some runs may reach."""
+        return self.move[np.minimum(run + 1, len(self.move) - 1)]
 
 
 def largest(values: Floats, begin: Ints, end: Ints) -> Floats:

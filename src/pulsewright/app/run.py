@@ -39,6 +39,7 @@ from pulsewright.motion.gcode import interpret
 from pulsewright.motion.hold import AxisLimits
 from pulsewright.motion.live import LivePlan
 from pulsewright.motion.machine import Machine
+from pulsewright.motion.motors import MotorPlan
 from pulsewright.motion.moves import AXES
 from pulsewright.motion.plan import begin_times
 from pulsewright.motion.plan import plan as plan_moves
@@ -212,10 +213,10 @@ class Job:
         """Yield the plan as ``feed`` changes it; what was asked before is done."""
         machine, moves = self.machine, self.program.moves
         plan = None if feed is None else LivePlan(self.trajectory, moves, machine)
-        steps = self.trajectory.mapped(machine.motor_matrix())
+        matrix = machine.motor_matrix()
 
         def mapped(plan: Trajectory) -> Trajectory:
-            return steps.timed(plan.element, plan.start, plan.law)
+            return MotorPlan(plan, matrix)
 
         with Feeding(feed, plan, self.trajectory, mapped, self._place) as feeding:
             feeding.begin()

@@ -118,7 +118,12 @@ class Trajectory:
         self, element: NDArray[np.int32], start: NDArray[np.float64], law: NDArray[np.float64]
     ) -> Trajectory:
         """Return the same path with other pieces."""
-        return replace(self, element=element, start=start, law=law)
+        geometry = self.poly, self.cosine, self.sine, self.omega, self.length, self.move
+        return Trajectory(*geometry, element, start, law)
+
+    def between(self, begin: float, end: float) -> Trajectory:
+        """Return a trajectory that is the same from ``begin`` to ``end`` [s]: this one."""
+        return self
 
     def part(self, begin: int, end: int) -> Trajectory:
         """Return the pieces from ``begin`` to before ``end``, at their times, and their elements.

@@ -7,6 +7,7 @@ following tolerance of 1.1 step the quanta are 1.1/100 mm on X and Y and 1.1/200
 import dataclasses
 import json
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -721,3 +722,18 @@ def test_what_does_not_fit_together_is_refused():
     with pytest.raises(UsageError, match="no more can be fed"):
         checker.feed(TRACE)
     assert concatenate(split(TRACE, 1000)) == TRACE
+
+
+def test_a_verifier_keeps_less_for_each_move_than_the_geometry_of_one():
+    moves = straight(*np.arange(1.0, 5001.0)[:, None] * [1, 0, 0])
+    plan = stop_and_go(moves)
+    verifier(PLAN, L)  # what the first one loads is not counted
+    tracemalloc.start()
+    try:
+        checker = verifier(plan, moves)
+        kept, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert checker is not None
+    # 4 + 2 coefficients of 6 axes; with a stop after each move, which takes most
+    assert kept / len(moves) < 6 * 6 * 8

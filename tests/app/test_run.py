@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from pulsewright.app.run import Job
+from pulsewright.edges.trace import EdgeTrace
 from pulsewright.errors import EstopError
+from pulsewright.motion import motors
 from pulsewright.motion.machine import Machine
 
 MACHINE = Machine.default()
@@ -31,8 +33,6 @@ def test_a_circle_of_short_chords_is_driven_as_one_curve_and_passes(tmp_path):
 
 def test_spindle_and_coolant_are_outputs_switched_at_their_time(tmp_path):
     result = job(tmp_path, "M3 S1000 M8\nG1 X10 F600\nM5 M9\nG1 X0\n").run(out=tmp_path / "out")
-    from pulsewright.edges.trace import EdgeTrace
-
     trace = EdgeTrace.load(tmp_path / "out/trace.npz")
     steps = trace.edges("step0", 1)
     spindle_on, spindle_off = trace.edges("out0", 1), trace.edges("out0", 0)
@@ -84,3 +84,20 @@ def test_programs_without_motion_run(text, tmp_path):
     result = job(tmp_path, text).run(out=tmp_path / "out")
     assert result.passed, result.text()
     assert result.verdict.steps == 0
+
+
+@pytest.mark.parametrize("board", ["usc", "pluto_step", "s3g", "rapcores"])
+def test_a_board_gets_the_same_by_a_window_on_the_plan_as_by_the_whole(
+    board, tmp_path, monkeypatch, examples
+):
+    # curves and corners, a dwell, and a way back
+    text = "G64 P0.1 F1800\nG1 X4\nG2 X8 Y4 J4\nG1 Y5\nG4 P0.05\nG3 X6 Y5 R1\nG0 X0 Y0 Z1\n"
+    part = job(tmp_path, text, Machine.load(examples / "machines" / "corexy_engraver.toml"))
+    edges = []
+    for window in (1, len(part.trajectory.element)):
+        monkeypatch.setattr(motors, "WINDOW", window)
+        result = part.run(board=board, link="twin:", out=tmp_path / "out")
+        assert result.passed
+        trace = EdgeTrace.load(tmp_path / "out/trace.npz")
+        edges.append([cycles.tolist() for cycles in trace.cycles])
+    assert edges[0] == edges[1]

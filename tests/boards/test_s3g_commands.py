@@ -166,8 +166,10 @@ def test_what_the_board_cannot_follow_is_refused_with_what_it_can(changes, messa
         grid_step(**asked | changes)
 
 
-def test_motors_that_move_together_are_counted_by_element():
+def test_motors_that_move_together_are_counted_by_element(monkeypatch):
     plan = chain([[0, 0, 0], [1, 2, 0], [1, 2, 3], [1, 2, 3]], [1, 1, 1])
+    assert moving_together(plan) == 2
+    monkeypatch.setattr(commands, "PORTION", 1)
     assert moving_together(plan) == 2
     assert moving_together(swing(1, 10, 1, motors=4)) == 4
     assert moving_together(chain([[0], [0]], [1])) == 1

@@ -9,6 +9,7 @@ import pytest
 from test_plan import MACHINE, program
 
 from pulsewright.errors import UsageError
+from pulsewright.motion import certificate as module
 from pulsewright.motion.certificate import certify
 from pulsewright.motion.plan import plan
 
@@ -210,3 +211,29 @@ def test_elements_in_another_order_than_their_moves_are_refused():
     trajectory = dataclasses.replace(trajectory, move=move)
     with pytest.raises(UsageError, match=f"element {len(move) - 1} is of move 0"):
         certify(trajectory, CORNER, MACHINE)
+
+
+@pytest.mark.parametrize("portion", [1, 2, 5])
+def test_portions_of_a_plan_are_certified_as_the_whole(portion, monkeypatch):
+    monkeypatch.setattr(module, "PORTION", portion)
+    trajectory = plan(CORNER, MACHINE)
+    certificate = certify(trajectory, CORNER, MACHINE)
+    assert certificate.passed
+    assert certificate.deviation == pytest.approx(0.1)
+    # Y is at its fastest on the second side, so after the piece that gets it there
+    assert certificate.velocity[1].time > 1.0
+    assert certificate.velocity[1].line == CORNER.line[1]
+
+
+@pytest.mark.parametrize("portion", [1, 2, 5])
+def test_portions_hide_no_gap_and_no_missing_rest(portion, monkeypatch):
+    monkeypatch.setattr(module, "PORTION", portion)
+    trajectory = plan(CORNER, MACHINE)
+    for element in range(1, len(trajectory.length)):
+        poly = trajectory.poly.copy()
+        poly[element:, 0, 2] += 1.0  # Z
+        certificate = certify(dataclasses.replace(trajectory, poly=poly), CORNER, MACHINE)
+        assert certificate.position_jump == pytest.approx(1.0)
+    stops = changed(tolerance=np.zeros(len(CORNER)))
+    assert certify(trajectory, stops, MACHINE).missed_rests == 1
+    assert certify(plan(stops, MACHINE), stops, MACHINE).missed_rests == 0

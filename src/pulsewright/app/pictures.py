@@ -320,4 +320,5 @@ def rendered(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else {"Software": "pulsewright"}
     figure.savefig(buffer, format=kind, metadata=metadata)
+    figure.clear()  # a long path takes much memory, which nothing else would free soon
     return buffer.getvalue()

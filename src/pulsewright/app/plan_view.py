@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 SAMPLES: Final = 8 * pictures.COLUMNS  # instants looked at for pictures
 PLACES: Final = 8  # program lines shown at most
+PORTION: Final = 4096  # elements that are looked at together, for little memory
 LEAST: Final = 1e-3  # lost time that is shown [s]
 COLOURS: Final = (
     pictures.BLUE,
@@ -55,21 +56,28 @@ class PlanView:
 
         Velocities are compared at both ends and in the middle of an element. Infinite for a dwell.
         """
-        t = self.trajectory
+        elements = np.arange(len(self.trajectory.length))
         if not len(self.moves):
-            return np.full(len(t.length), np.inf)
+            return np.full(len(elements), np.inf)
+        portions = np.array_split(elements, len(elements) // PORTION + 1)
+        return np.concatenate([self._possible(slice(p[0], p[-1] + 1)) for p in portions])
+
+    def _possible(self, elements: slice) -> Floats:
+        """Return the possible speed on some elements."""
+        t, moves = self.trajectory, self.moves
         rows, velocity, _ = self.machine.limit_rows()
-        moves, move = self.moves, t.move
+        move, length = t.move[elements], t.length[elements]
         free = moves.rapid[move] | (moves.kind[move] == MoveKind.DWELL)
         speed = np.where(free, np.inf, moves.feed[move])
-        p, w = t.poly, t.omega[:, None]
+        p, w = t.poly[elements], t.omega[elements, None]
+        cosine, sine = t.cosine[elements], t.sine[elements]
         for part in (0.0, 0.5, 1.0):
-            s = part * t.length[:, None]
+            s = part * length[:, None]
             rate = p[:, 1] + (2 * p[:, 2] + 3 * p[:, 3] * s) * s
-            rate = rate + w * (t.sine * np.cos(w * s) - t.cosine * np.sin(w * s))
+            rate = rate + w * (sine * np.cos(w * s) - cosine * np.sin(w * s))
             with np.errstate(divide="ignore"):
                 speed = np.minimum(speed, (velocity / np.abs(rate @ rows.T)).min(axis=1))
-        return np.asarray(np.where(t.length > 0, speed, np.inf))
+        return np.asarray(np.where(length > 0, speed, np.inf))
 
     def lost(self) -> Floats:
         """Return how much longer each element takes than at its possible speed, (m,) [s]."""

@@ -39,6 +39,7 @@ from pulsewright.motion.gcode import interpret
 from pulsewright.motion.hold import AxisLimits
 from pulsewright.motion.live import LivePlan
 from pulsewright.motion.machine import Machine
+from pulsewright.motion.motors import MotorPlan
 from pulsewright.motion.moves import AXES
 from pulsewright.motion.plan import begin_times
 from pulsewright.motion.plan import plan as plan_moves
@@ -198,17 +199,24 @@ class Job:
                     f"link '{link}' does not record step edges, which trace.vcd holds; leave it "
                     f"out, or use twin:"
                 )
-            return self._run_on(driver, room, _watched(own), feeding, out, vcd, progress)
+            result = self._run_on(driver, room, _watched(own), feeding, out, progress)
+        del driver, standing, feeding  # and the memory they take
+        if result.folder is not None:
+            with self.clock.stage("write"):
+                progress("report", 0.0)
+                result.write(result.folder, vcd=vcd)
+                progress("report", 1.0)
+        return result
 
     @contextmanager
     def _fed(self, feed: FeedControl | None) -> Iterator[Feeding]:
         """Yield the plan as ``feed`` changes it; what was asked before is done."""
         machine, moves = self.machine, self.program.moves
         plan = None if feed is None else LivePlan(self.trajectory, moves, machine)
-        steps = self.trajectory.mapped(machine.motor_matrix())
+        matrix = machine.motor_matrix()
 
         def mapped(plan: Trajectory) -> Trajectory:
-            return steps.timed(plan.element, plan.start, plan.law)
+            return MotorPlan(plan, matrix)
 
         with Feeding(feed, plan, self.trajectory, mapped, self._place) as feeding:
             feeding.begin()
@@ -221,7 +229,6 @@ class Job:
         watched: Mapping[str, Any],
         feeding: Feeding,
         out: Path | str | None,
-        vcd: bool,
         progress: Progress,
     ) -> Result:
         machine = self.machine
@@ -275,13 +282,7 @@ class Job:
                     progress("run", min(until / max(self.duration, 1e-9), 1.0))
                 with self.clock.stage("verify"):
                     verdict = verifier.finish()
-        result = self._result(driver, player, outputs, feeding, verdict, folder)
-        if folder is not None:
-            with self.clock.stage("write"):
-                progress("report", 0.0)
-                result.write(folder, vcd=vcd)
-                progress("report", 1.0)
-        return result
+        return self._result(driver, player, outputs, feeding, verdict, folder)
 
     def _run_unseen(
         self,
@@ -296,11 +297,7 @@ class Job:
         with _folder(out) as folder:
             for until in self._played(player, outputs, feeding):
                 progress("run", min(until / max(self.duration, 1e-9), 1.0))
-            result = self._result(driver, player, outputs, feeding, None, folder)
-            if folder is not None:
-                with self.clock.stage("write"):
-                    result.write(folder)
-        return result
+        return self._result(driver, player, outputs, feeding, None, folder)
 
     def _played(self, player: Player, outputs: _Outputs, feeding: Feeding) -> Iterator[float]:
         """Play in portions of `CHUNK` at most; yield the time up to which has been played [s]."""

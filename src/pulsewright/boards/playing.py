@@ -50,6 +50,7 @@ CLOSED: Final = (
 )
 AHEAD: Final = 0.1  # from now on, in which a new plan is made while the old one is played [s]
 SWITCH: Final = 2e-4  # meanwhile, after so long another thread has its turn [s]
+BESIDE: Final = 4  # updates before and after those that are converted, which may be looked at
 SETTLED: Final = 2  # updates ahead of the next one, up to which a plan may have been looked at
 
 
@@ -431,6 +432,12 @@ class UpdateConverter(ABC, Generic[U]):
         n = max(min(count, self.total - self.position), 0)
         numbers = self.position + np.arange(n, dtype=np.int64)
         return self._first_cycle + numbers * self.update_cycles
+
+    def _near(self, count: int) -> Trajectory:
+        """Return what is the plan as far as the next ``count`` updates may look at it."""
+        begin, end = self.next_cycle, self.next_cycle + count * self.update_cycles
+        beside = BESIDE * self.update_cycles
+        return self.trajectory.between(self._seconds(begin - beside), self._seconds(end + beside))
 
     def _note_way(self, before: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
         """Keep how far the last update goes: ``counts`` (n, axes) follow ``before``."""

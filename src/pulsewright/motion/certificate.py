@@ -7,6 +7,7 @@ at the same path coordinate is bounded by the control polygon of the difference.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Final
 
@@ -21,6 +22,7 @@ from pulsewright.motion.trajectory import Trajectory
 
 ROUNDING: Final = 1e-6  # allowed in positions, velocities and times [mm, degrees, s]
 STILL: Final = 1e-8  # motion shorter than this is none [mm, degrees]
+PORTION: Final = 1 << 16  # pieces that are looked at together, for little memory
 CLOSE: Final = 1e-3  # jump of acceleration that counts as none [mm/s^2, degrees/s^2]
 
 Floats = NDArray[np.float64]
@@ -164,7 +166,8 @@ def certify(trajectory: Trajectory, moves: Moves, machine: Machine) -> Certifica
         return _nothing(machine)
     certifier = Certifier(machine, moves.start)
     certifier.add(moves)
-    certifier.check(trajectory)
+    for part in _portions(trajectory):
+        certifier.check(part)
     return certifier.finish()
 
 
@@ -191,7 +194,7 @@ class Certifier:
         self._run = -1  # the last move of that run
         self._corners = 0.0, 0.0  # tolerance before and after that run
         self._waited = self._due = 0.0  # time at rest in it, and what is programmed [s]
-        self._time = 0.0
+        self._zero = self._end = 0.0  # where the time of a part begins, and where it ends [s]
         self._whole = _nothing(machine)
 
     def add(self, moves: Moves) -> None:
@@ -205,7 +208,7 @@ class Certifier:
         ----------
         trajectory : Trajectory
             Its ``move`` counts from the first move of all; it has all elements of each move that it
-            has pieces of.
+            has pieces of. Its time begins with 0, or goes on with that of the part before.
         override : (k,) float or float
             Of the feed, on each piece; moves that keep to the spindle have none.
 
@@ -226,6 +229,8 @@ class Certifier:
         rows, velocity, acceleration = self._limits
         columns = (t.poly, t.cosine, t.sine, t.omega, t.element, t.start, t.law)
         limits = np.stack([velocity, acceleration, self._machine.jerk_limits()])
+        if t.start[0] == 0:
+            self._zero = self._end
         reference, entry = _Reference(t, moves, corner), self._state.copy()
         with uncompiled(len(reference.last)):
             use, where = kernels.worst(*columns, rows, limits)
@@ -242,7 +247,7 @@ class Certifier:
 
         def place(use: float, what: str, k: int) -> Worst:
             line = int(moves.line[t.move[t.element[k]]])
-            return Worst(float(use), what, line, self._time + float(t.start[k]))
+            return Worst(float(use), what, line, self._zero + float(t.start[k]))
 
         def group(n: int) -> tuple[Worst, ...]:
             axes = self._machine.axes
@@ -263,7 +268,7 @@ class Certifier:
             missed_rests=missed,
         )
         self._whole = _worse(self._whole, part)
-        self._time += t.duration
+        self._end = self._zero + t.duration
         begin = int(reference.last[-2]) + 1 if len(reference.last) > 1 else 0
         before = float(reference.corner[-2]) if begin else corner
         self._corners = before, float(reference.corner[-1])
@@ -347,6 +352,30 @@ class Certifier:
         self._run = last + self._first
         self._waited, self._due = float(time[last]), float(dwell[last])
         return max(error, float(np.abs(time - dwell)[:last].max(initial=0.0)))
+
+
+def _portions(trajectory: Trajectory) -> Iterator[Trajectory]:
+    """Yield a trajectory in parts of about `PORTION` pieces, each of whole moves."""
+    t = trajectory
+    pieces, elements = len(t.element), len(t.move)
+    if (np.diff(t.move) < 0).any():  # `Certifier.check` says so
+        yield t
+        return
+    begin = first = 0
+    while begin < pieces:
+        end, last = pieces, elements
+        if begin + PORTION < pieces:
+            last = int(np.searchsorted(t.move, t.move[t.element[begin + PORTION]], "right"))
+            end = int(np.searchsorted(t.element, last))
+        here = slice(first, last)
+        yield Trajectory(
+            *(t.poly[here], t.cosine[here], t.sine[here], t.omega[here], t.length[here]),
+            move=t.move[here],
+            element=t.element[begin:end] - np.int32(first),
+            start=t.start[begin : end + 1],
+            law=t.law[begin:end],
+        )
+        begin, first = end, last
 
 
 def _worse(a: Certificate, b: Certificate) -> Certificate:

@@ -129,7 +129,7 @@ def _brake(
 def _cut(plan: Trajectory, time: float, here: int) -> Trajectory:
     """Return a plan that ends at ``time``, on piece ``here``, where it rests."""
     start = np.append(plan.start[: here + 1], time)
-    return _timed(plan, plan.element[: here + 1], start, plan.law[: here + 1])
+    return plan.timed(plan.element[: here + 1], start, plan.law[: here + 1])
 
 
 def _warped(
@@ -170,18 +170,11 @@ def _warped(
     v, v_end, h = v * rate[:-1], v_end * rate[1:], np.diff(u)
     rise = (s_end - s) / h
     law = np.stack([s, v, (3 * rise - 2 * v - v_end) / h, (v + v_end - 2 * rise) / h**2], axis=1)
-    return _timed(
-        plan,
+    return plan.timed(
         np.concatenate([plan.element[: here + 1], plan.element[k]]),
         np.concatenate([plan.start[: here + 1], time + u]),
         np.concatenate([plan.law[: here + 1], law]),
     )
-
-
-def _timed(plan: Trajectory, element: NDArray[np.int32], start: Floats, law: Floats) -> Trajectory:
-    """Return the path of a plan with another law of time."""
-    geometry = plan.poly, plan.cosine, plan.sine, plan.omega, plan.length, plan.move
-    return Trajectory(*geometry, element, start, law)
 
 
 def _path(plan: Trajectory, k: NDArray[np.int64], time: Floats) -> tuple[Floats, Floats]:

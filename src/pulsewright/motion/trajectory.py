@@ -118,21 +118,53 @@ class Trajectory:
         self, element: NDArray[np.int32], start: NDArray[np.float64], law: NDArray[np.float64]
     ) -> Trajectory:
         """Return the same path with other pieces."""
-        return replace(self, element=element, start=start, law=law)
+        geometry = self.poly, self.cosine, self.sine, self.omega, self.length, self.move
+        return Trajectory(*geometry, element, start, law)
 
-    def at(self, time: NDArray[np.float64] | float, derivative: int = 0) -> NDArray[np.float64]:
+    def between(self, begin: float, end: float) -> Trajectory:
+        """Return a trajectory that is the same from ``begin`` to ``end`` [s]: this one."""
+        return self
+
+    def part(self, begin: int, end: int) -> Trajectory:
+        """Return the pieces from ``begin`` to before ``end``, at their times, and their elements.
+
+        So ``start`` begins where the first of them does. Arrays are views, where they can be.
+        """
+        first, last = int(self.element[begin]), int(self.element[end - 1]) + 1
+        return Trajectory(
+            *(self.poly[first:last], self.cosine[first:last], self.sine[first:last]),
+            *(self.omega[first:last], self.length[first:last], self.move[first:last]),
+            element=self.element[begin:end] - np.int32(first),
+            start=self.start[begin : end + 1],
+            law=self.law[begin:end],
+        )
+
+    def piece(self, time: NDArray[np.float64] | float) -> NDArray[np.int64]:
+        """Return the piece at each time; before 0 the first one, after the end the last one."""
+        found = np.searchsorted(self.start, time, side="right") - 1
+        return np.asarray(np.clip(found, 0, len(self.element) - 1))
+
+    def at(
+        self,
+        time: NDArray[np.float64] | float,
+        derivative: int = 0,
+        matrix: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
         """Return position (0), velocity (1), acceleration (2) or jerk (3) at times, (n, axes).
 
-        Before 0 and after the end the machine rests.
+        Before 0 and after the end the machine rests. With a ``matrix``, in other coordinates: as
+        `mapped` by it, but only what is looked at.
         """
         t = np.clip(np.atleast_1d(np.asarray(time, float)), 0.0, self.duration)
-        k = np.clip(np.searchsorted(self.start, t, side="right") - 1, 0, len(self.element) - 1)
+        k = self.piece(t)
         tau, law, e = t - self.start[k], self.law[k], self.element[k]
         s = ((law[:, 3] * tau + law[:, 2]) * tau + law[:, 1]) * tau + law[:, 0]
         v = (3 * law[:, 3] * tau + 2 * law[:, 2]) * tau + law[:, 1]
         a = 6 * law[:, 3] * tau + 2 * law[:, 2]
         s, v, a, w = s[:, None], v[:, None], a[:, None], self.omega[e][:, None]
         p, cos, sin = self.poly[e], self.cosine[e], self.sine[e]
+        if matrix is not None:
+            p, cos, sin = (_product(part, matrix) for part in (p, cos, sin))
         if derivative == 0:
             x = ((p[:, 3] * s + p[:, 2]) * s + p[:, 1]) * s + p[:, 0]
             return np.asarray(x + cos * np.cos(w * s) + sin * np.sin(w * s))

@@ -39,17 +39,21 @@ class PathCheck:
         self.quantum = float(np.linalg.norm(reference.tolerances.following * per_axis))
         starts = moves.starts()
         arc = moves.kind == MoveKind.ARC
-        columns, slack = _arcs(moves, starts)
+        arcs = np.flatnonzero(arc)
+        self._arc = columns = _arcs(moves, starts, arcs)
+        self._row = np.full(len(moves), -1, np.int32)
+        self._row[arcs] = np.arange(len(arcs))
+        slack = np.zeros(len(moves))
+        slack[arcs] = np.abs(columns[:, 3] - columns[:, 2])
         length = np.linalg.norm((moves.end - starts)[:, self.columns], axis=1)
         if group == "XYZ":
-            turned = np.abs(moves.sweep) * columns[:, 2:4].max(axis=1)
-            length = np.where(arc, np.hypot(turned, columns[:, 4]), length)
-        self._begin = np.ascontiguousarray(starts)
+            turned = np.abs(moves.sweep[arcs]) * columns[:, 2:4].max(axis=1)
+            length[arcs] = np.hypot(turned, columns[:, 4])
+        self._start = np.ascontiguousarray(moves.start, float)
         self._end = np.ascontiguousarray(moves.end, float)
-        self._normal = np.where(arc, moves.plane, -1).astype(np.int8)
+        self._plane = moves.plane
         self._center = np.ascontiguousarray(moves.center, float)
-        self._arc, self._length = columns, length
-        self._slack = slack
+        self._length, self._slack = length, slack
         self.follow()
         allowed = np.maximum(moves.tolerance, moves.collapse * (moves.tolerance > 0))
         self._needed = allowed + slack
@@ -61,38 +65,38 @@ class PathCheck:
     def follow(self) -> None:
         """Take in when the plan is in which move; what has been compared stays."""
         reference, moves, runs = self._reference, self._reference.moves, self._reference.runs
-        self._corner = runs.tolerance + (self._slack[runs.move] if len(moves) else 0.0)
         # When the end of each move can be passed: from the start of the run that leads to it to
         # the end of the run after it, and a little more, since the machine trails the plan.
         index = np.arange(len(moves))
         into = np.maximum(np.searchsorted(runs.move, index, side="right") - 1, 0)
         out = np.minimum(into + 1, len(runs.move) - 1)
         margin = reference.tolerances.settle
-        span = np.stack([runs.start[into] - margin, runs.end[out] + margin], axis=1)
+        span = np.stack([runs.start[into] - margin, runs.start[out + 1] + margin], axis=1)
         self._span = reference.start + np.round(span * reference.clock).astype(np.int64)
-        self._due = runs.end[np.minimum(np.searchsorted(runs.move, index), len(runs.move) - 1)]
 
     def feed(self, tool: Floats, run: Ints, cycle: int) -> Floats:
         """Compare the tool (n, 6) at instants from ``cycle`` on; return its distances (n,)."""
         from pulsewright.verify.kernels import compare_path
 
-        distance = np.zeros(len(tool))
+        distance, runs = np.zeros(len(tool)), self._reference.runs
         if len(self._end):
+            move = runs.move[run]
             compare_path(
                 tool,
                 self._before,
-                self._reference.runs.since[run],
-                self._reference.runs.move[run],
-                self._reference.runs.until[run],
-                self.quantum + ROUNDING + self._corner[run],
+                runs.since(run),
+                move,
+                runs.until(run),
+                self.quantum + ROUNDING + (runs.tolerance[run] + self._slack[move]),
                 self.quantum,
                 cycle,
                 self._reference.grid,
                 self.columns.start,
-                self._begin,
+                self._start,
                 self._end,
-                self._normal,
+                self._plane,
                 self._center,
+                self._row,
                 self._arc,
                 self._length,
                 self._span,
@@ -127,7 +131,7 @@ class PathCheck:
 
         ``bulge`` is how far the path may leave the straight line between two instants looked at.
         """
-        moves = self._reference.moves
+        moves, runs = self._reference.moves, self._reference.runs
         bound = self.quantum + ROUNDING + bulge + self._needed
         covered = np.sqrt(self._covered)
         missed = int((covered > bound).sum())
@@ -138,8 +142,9 @@ class PathCheck:
             worst = float(covered[i]) if np.isfinite(covered[i]) else None
             allowed = float(bound[i])
             x, y, z = self._end[i, :3].tolist()
+            due = min(int(np.searchsorted(runs.move, i)), len(runs.move) - 1)
             place = {
-                "time": float(self._due[i]),
+                "time": float(runs.start[due + 1]),
                 "line": int(moves.line[i]),
                 "position": (x, y, z),
             }
@@ -158,16 +163,17 @@ class PathCheck:
         )
 
 
-def _arcs(moves: Moves, starts: Floats) -> tuple[Floats, Floats]:
-    """Return (n, 5) what `kernels.arc_distance2` needs, and (n,) how much an arc's radii differ."""
-    columns = np.zeros((len(moves), 5))
+def _arcs(moves: Moves, starts: Floats, arcs: Ints) -> Floats:
+    """Return (n, 5) what `kernels.arc_distance2` needs of each of some moves."""
+    columns = np.zeros((len(arcs), 5))
     for plane in Plane:
-        which = np.flatnonzero((moves.kind == MoveKind.ARC) & (moves.plane == plane))
+        rows = np.flatnonzero(moves.plane[arcs] == plane)
+        which = arcs[rows]
         near, far = (
             (points[which] - moves.center[which])[:, plane.axes]
             for points in (starts[:, :3], moves.end[:, :3])
         )
-        columns[which] = np.stack(
+        columns[rows] = np.stack(
             [
                 np.arctan2(near[:, 1], near[:, 0]),
                 moves.sweep[which],
@@ -177,4 +183,4 @@ def _arcs(moves: Moves, starts: Floats) -> tuple[Floats, Floats]:
             ],
             axis=1,
         )
-    return columns, np.abs(columns[:, 3] - columns[:, 2])
+    return columns

@@ -74,7 +74,8 @@ def follow(
     bound : float
         Deviations above it are counted [step].
     poly, cosine, sine, omega, element, start, law, motor
-        The plan in steps, as in `Trajectory`, and the coordinate to follow.
+        The plan in steps, as in `Trajectory`, and the coordinate to follow. A part of the plan
+        that reaches as far as the chunk does; ``state[PIECE]`` is a piece of that part.
     window : (windows, 2) int64
         First and last cycle of intervals, by first cycle, in which to note the counts.
     seen : (windows, 2) int64
@@ -279,22 +280,24 @@ def move_distance2(
     p: Floats,
     i: int,
     first: int,
-    begin: Floats,
+    start: Floats,
     finish: Floats,
-    normal: NDArray[np.int8],
+    plane: NDArray[np.int8],
     center: Floats,
+    row: NDArray[np.int32],
     arc: Floats,
 ) -> float:
     """Return the squared distance of p (6,) from move i, in X Y Z (first = 0) or A B C (3).
 
-    ``normal`` (n,) is the axis about which an arc turns, -1 for a line; A, B, C always run along
-    a line.
+    ``start`` (6,) is where the first move begins. ``row`` (n,) is that of an arc in ``arc``, -1
+    for a line; A, B, C always run along a line.
     """
-    if first == 0 and normal[i] >= 0:
-        n = normal[i]
+    begin = finish[i - 1] if i > 0 else start
+    if first == 0 and row[i] >= 0:
+        n = plane[i]
         u, v = (n + 1) % 3, (n + 2) % 3
-        return arc_distance2(p[u], p[v], p[n], center[i, u], center[i, v], begin[i, n], arc[i])
-    return segment_distance2(p, begin[i], finish[i], first)
+        return arc_distance2(p[u], p[v], p[n], center[i, u], center[i, v], begin[n], arc[row[i]])
+    return segment_distance2(p, begin, finish[i], first)
 
 
 @compiled()
@@ -309,10 +312,11 @@ def compare_path(
     cycle: int,
     grid: int,
     first: int,
-    begin: Floats,
+    start: Floats,
     finish: Floats,
-    normal: NDArray[np.int8],
+    plane: NDArray[np.int8],
     center: Floats,
+    row: NDArray[np.int32],
     arc: Floats,
     length: Floats,
     span: Ints,
@@ -338,7 +342,7 @@ def compare_path(
         Distance with which the search is content without looking at moves further away.
     first : int
         0: X, Y, Z; 3: A, B, C.
-    begin, finish, normal, center, arc, length
+    start, finish, plane, center, row, arc, length
         The moves; ``length`` (n,) tells how far the search has gone.
     span : (n, 2) int64
         First and last cycle at which the end of each move can be passed; both never decreasing.
@@ -355,7 +359,7 @@ def compare_path(
     for g in range(position.shape[0]):
         p = position[g]
         m = move[g]
-        best = move_distance2(p, m, first, begin, finish, normal, center, arc)
+        best = move_distance2(p, m, first, start, finish, plane, center, row, arc)
         reach = 4.0 * allowed[g]
         for way in (1, -1):
             gone, i = 0.0, m + way
@@ -366,7 +370,8 @@ def compare_path(
                     or (steps > ENOUGH_NEIGHBOURS and (gone > reach or steps > REACH_MOVES))
                 ):
                     break
-                best = min(best, move_distance2(p, i, first, begin, finish, normal, center, arc))
+                here = move_distance2(p, i, first, start, finish, plane, center, row, arc)
+                best = min(best, here)
                 if steps > 0:
                     gone += length[i]
                 i += way

@@ -19,6 +19,7 @@ Ints = NDArray[np.int64]
 
 FAR: Final = 1 << 62  # a cycle that no recording reaches
 ROUNDING: Final = 1e-6  # of programs and their geometry [mm, degrees]
+PORTION: Final = 4096  # instants of a plan that are looked at together, for little memory
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,10 @@ class Reference:
 
     Attributes
     ----------
-    plan, steps : Trajectory
-        The plan in machine axes, and in motor steps.
+    plan : Trajectory
+        In machine axes.
+    matrix : (motors, 6) float64
+        The motor matrix.
     inverse : (6, motors) float64
         Axis units per step of each motor, by the pseudo-inverse: two motors of a gantry count half.
     start, grid : int
@@ -89,7 +92,7 @@ class Reference:
         self.tolerances, self.clock, self.start = tolerances, clock_hz, start_cycle
         self.motors, self.moves = tuple(motors), moves
         self.plan = _with_rest(trajectory, moves)
-        matrix = np.asarray(motor_matrix, float)
+        self.matrix = matrix = np.asarray(motor_matrix, float)
         if matrix.shape != (len(self.motors), len(AXES)):
             raise UsageError(
                 f"the motor matrix must be {(len(self.motors), len(AXES))} for "
@@ -105,7 +108,6 @@ class Reference:
                 f"the program moves axis {', '.join(orphans)}, but the motors do not determine "
                 f"where it is: check motors and kinematics of the machine"
             )
-        self.steps = self.plan.mapped(matrix)
         self.home = self.plan.at(0.0)[0]
         self.home_steps = matrix @ self.home
         counts = np.floor(self.home_steps + 0.5) if start_counts is None else start_counts
@@ -116,9 +118,13 @@ class Reference:
 
     def follow(self, plan: Trajectory, override: Floats) -> None:
         """Go on with another law of time on the same elements; see `Verifier.follow`."""
-        law = plan.element, plan.start, plan.law
-        self.plan, self.steps = self.plan.timed(*law), self.steps.timed(*law)
+        self.plan = self.plan.timed(plan.element, plan.start, plan.law)
         self.runs = Runs(self.plan, self.moves, override)
+
+    def motors_at(self, time: Floats) -> Floats:
+        """Return planned positions of the motors at times, (n, motors) [step]."""
+        portions = np.array_split(time, len(time) // PORTION + 1)
+        return np.concatenate([self.plan.at(t, matrix=self.matrix) for t in portions])
 
     def tool(self, steps: NDArray[Any]) -> Floats:
         """Return tool positions (n, 6) of motor positions (n, motors)."""
@@ -144,10 +150,10 @@ class Runs:
 
     Attributes
     ----------
-    since, move, until : (r,) int64
-        First and last move that the run stands for, and the last that its last blend may reach.
-    start, end : (r,) float64
-        [s]
+    move : (r,) int64
+        The last move that the run stands for.
+    start : (r + 1,) float64
+        When it begins, and the last one ends [s].
     tolerance : (r,) float64
         Largest tolerance of the corners that the run touches, or of chords for short lines [mm].
     rapid : (r,) bool
@@ -162,14 +168,11 @@ class Runs:
 
     def __init__(self, plan: Trajectory, moves: Moves, override: Floats | None = None) -> None:
         self._begin = plan.start[:-1]
-        self._override = np.ones(len(plan.element)) if override is None else override
-        move = plan.move[plan.element].astype(np.int64)
-        first = np.flatnonzero(np.diff(move, prepend=-1))
-        self.move = move[first]
-        self.since = np.append(0, self.move[:-1] + 1)
-        self.until = np.append(self.move[1:], self.move[-1])
-        self.start = plan.start[:-1][first]
-        self.end = np.append(self.start[1:], plan.duration)
+        self._override = override
+        move = plan.move[plan.element]
+        first = np.flatnonzero(np.diff(move, prepend=np.int32(-1)))
+        self.move = move[first].astype(np.int64)
+        self.start = np.append(plan.start[first], plan.duration)
         straight = (plan.poly[:, 2:] == 0).all(axis=(1, 2))[plan.element]
         self.entered = np.minimum.reduceat(np.where(straight, plan.start[:-1], np.inf), first)
         self.left = np.maximum.reduceat(np.where(straight, plan.start[1:], -np.inf), first)
@@ -222,7 +225,7 @@ class Runs:
         lent = largest(self.lent[group], before, run + 1)
         blended = (time < self.entered[run]) | (time > self.left[run])
         most = np.where(blended, lent, feed)
-        if (self._override == 1).all():
+        if self._override is None:
             return np.asarray(most)
         piece = np.maximum(np.searchsorted(self._begin, time, "right") - 1, 0)
         ahead = np.append(piece[:1], piece[:-1])
@@ -232,8 +235,16 @@ class Runs:
 
     def at(self, time: Floats) -> Ints:
         """Return the run at each time [s]."""
-        found = np.searchsorted(self.start, time, side="right") - 1
+        found = np.searchsorted(self.start[:-1], time, side="right") - 1
         return np.maximum(found, 0).astype(np.int64)
+
+    def since(self, run: Ints) -> Ints:
+        """Return the first move that each of some runs stands for."""
+        return np.where(run > 0, self.move[run - 1] + 1, 0)
+
+    def until(self, run: Ints) -> Ints:
+        """Return the last move that the blend at the end of each of some runs may reach."""
+        return self.move[np.minimum(run + 1, len(self.move) - 1)]
 
 
 def largest(values: Floats, begin: Ints, end: Ints) -> Floats:

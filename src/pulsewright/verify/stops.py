@@ -65,7 +65,7 @@ class StopCheck:
         self.window[1:-1, 1] = reference.start + np.floor(last[order] * reference.clock)
         self.window[0] = -FAR, reference.start - 1
         self.window[-1] = math.ceil(reference.cycle(plan.duration + settle)), FAR
-        self._target = np.ascontiguousarray(reference.steps.at(self._time).T)  # (motors, w)
+        self._target = np.ascontiguousarray(reference.motors_at(self._time).T)  # (motors, w)
         self.seen = np.empty((len(reference.motors), w, 2), np.int64)
         self.seen[:, :, 0], self.seen[:, :, 1] = FAR, -FAR
 

@@ -103,10 +103,6 @@ class Verifier:
             start_counts,
             tolerances or Tolerances(),
         )
-        steps = self._reference.steps
-        self._poly = np.ascontiguousarray(steps.poly, float)
-        self._cosine = np.ascontiguousarray(steps.cosine, float)
-        self._sine = np.ascontiguousarray(steps.sine, float)
         self._timing = TimingMeter(clock_hz, motors, drives)
         self._stops = StopCheck(self._reference)
         turning = self._reference.moving[GROUPS["ABC"]].any()
@@ -118,6 +114,7 @@ class Verifier:
         self._state = np.zeros((n, kernels.FOLLOW_STATE), np.int64)
         self._state[:, kernels.COUNT] = self._reference.start_counts
         self._state[:, kernels.PREVIOUS] = -FAR
+        self._piece = 0  # of the plan, at the end of what was fed
         self._worst = np.zeros((n, 3))
         self._histogram = np.zeros((n, kernels.HISTOGRAM), np.int64)
         self._first: EdgeTrace | None = None
@@ -158,6 +155,7 @@ class Verifier:
         point = int(self._state[0, self._kernels.GRID])
         points = max(0, (chunk.end - 1 - reference.start) // reference.grid + 1 - point)
         n = len(reference.motors)
+        steps = self._steps(chunk.end)
         counts = np.empty((n, points), np.int64)
         plan, deviation = np.empty((n, points)), np.empty((n, points))
         for i, motor in enumerate(reference.motors):
@@ -171,13 +169,13 @@ class Verifier:
                 reference.start,
                 reference.grid,
                 reference.tolerances.following,
-                self._poly,
-                self._cosine,
-                self._sine,
-                reference.steps.omega,
-                reference.steps.element,
-                reference.steps.start,
-                reference.steps.law,
+                steps.poly,
+                steps.cosine,
+                steps.sine,
+                steps.omega,
+                steps.element,
+                steps.start,
+                steps.law,
                 i,
                 self._stops.window,
                 self._stops.seen[i],
@@ -188,6 +186,8 @@ class Verifier:
                 plan[i],
                 deviation[i],
             )
+        self._piece += int(self._state[0, self._kernels.PIECE])
+        self._state[:, self._kernels.PIECE] = 0
         if points:
             tool = reference.tool(counts.T)
             time = np.arange(point, point + points).astype(np.float64) * reference.dt
@@ -195,6 +195,13 @@ class Verifier:
             cycle = reference.start + point * reference.grid
             distances = [path.feed(tool, run, cycle) for path in self._paths]
             self._dynamics.feed(tool, reference.tool(plan.T), run, deviation.T, distances[0])
+
+    def _steps(self, end: int) -> Trajectory:
+        """Return the plan of the motors [step] from where it was followed to, up to a cycle."""
+        reference = self._reference
+        until = int(reference.plan.piece((end - reference.start) * (1.0 / reference.clock)))
+        part = reference.plan.part(self._piece, max(until, self._piece) + 1)
+        return part.mapped(reference.matrix)
 
     def follow(self, trajectory: Trajectory, override: Floats) -> None:
         """Go on with a plan that was changed while it was played: held, resumed, or overridden.
@@ -262,7 +269,7 @@ class Verifier:
 
     def _summaries(self) -> tuple[MotorSummary, ...]:
         k, reference = self._kernels, self._reference
-        planned = reference.steps.at(reference.plan.duration)[0]
+        planned = reference.motors_at(np.array([reference.plan.duration]))[0]
         lost = self._stops.lost().sum(axis=1)
         return tuple(
             MotorSummary(

@@ -207,7 +207,7 @@ class Converter(UpdateConverter[Updates]):
         cycle = self._next_cycles(count)
         n, before = len(cycle), self.count
         updates = Updates(cycle, np.zeros((n, AXES), np.int16), np.zeros((n, AXES), np.int64))
-        plan, timing = self.trajectory, self.timing
+        plan, timing = self._near(n), self.timing
         missed, axis, when = convert(
             (plan.poly, plan.cosine, plan.sine, plan.omega),
             (plan.element, plan.start, plan.law),

@@ -282,8 +282,11 @@ class Converter:
         )
 
         n = max(min(steps, self.total - self.at), 0)
-        motors, plan = self.trajectory.axes, self.trajectory
-        first = self.at - self.lead
+        motors, first = self.trajectory.axes, self.at - self.lead
+        # from half a quarter before the first point
+        plan = self.trajectory.between(
+            (first - 1) * self.grid, (first + n + self.longest + 1) * self.grid
+        )
         length = np.zeros(n, np.int64)
         columns = [np.zeros((n, motors), np.int64) for _ in range(4)]
         rest = self.total - self.at

@@ -60,6 +60,7 @@ BEND: Final = 0.1  # what the plan may bend within a grid step [step]
 DEVIATION: Final = 0.6  # what the conversion promises beyond the half step of counting [step]
 LOAD_DELAY: Final = 6  # from the end of the last acceleration step to the next load [clock]
 LONGEST: Final = 8  # grid steps of a load, a power of 2
+PORTION: Final = 1 << 16  # pieces of a plan that are looked at together, for little memory
 
 STEPS: Final = reg.W_ASG_CONTROL_STEPS_LIMIT_MASK | reg.W_ASG_CONTROL_RESET_STEPS_MASK
 RESET_DT: Final = reg.W_ASG_CONTROL_RESET_DT_MASK
@@ -320,7 +321,9 @@ class Converter:
         """Return plan and goals of the channels at points of the grid, (count, motors) [unit]."""
         from pulsewright.boards.s3g.commands_kernel import sample
 
-        trajectory = self.trajectory
+        second = reg.CLOCK_HZ / self.grid  # [grid step]
+        # from the point before the first one
+        trajectory = self.trajectory.between((first - 2) / second, (first + count + 1) / second)
         plan = np.empty((count, trajectory.axes), np.int64)
         goals = np.empty_like(plan)
         sample(
@@ -337,9 +340,13 @@ class Converter:
 
 def moving_together(trajectory: Trajectory) -> int:
     """Return how many motors move at the same time, at most; at least 1."""
-    moves = (trajectory.poly[:, 1:] != 0).any(axis=1)
-    moves |= (trajectory.cosine != 0) | (trajectory.sine != 0)
-    return int(moves.sum(axis=1).max(initial=1))
+    pieces, most = len(trajectory.element), 1
+    for begin in range(0, pieces, PORTION):
+        part = trajectory.part(begin, min(begin + PORTION, pieces))
+        moves = (part.poly[:, 1:] != 0).any(axis=1)
+        moves |= (part.cosine != 0) | (part.sine != 0)
+        most = max(most, int(moves.sum(axis=1).max()))
+    return most
 
 
 @dataclass(frozen=True)

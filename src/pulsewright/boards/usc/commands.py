@@ -193,7 +193,7 @@ class Converter(UpdateConverter[Updates]):
             control=np.full(n, 0x55, np.uint8),
             count=np.zeros((n, AXES), np.int64),
         )
-        plan, timing = self.trajectory, self.timing
+        plan, timing = self._near(n), self.timing
         behind, axis, when = convert(
             (plan.poly, plan.cosine, plan.sine, plan.omega),
             (plan.element, plan.start, plan.law),

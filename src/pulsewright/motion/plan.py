@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["Certificate", "begin_times", "certify", "plan"]
 
 MARGIN = 1e-7  # of feeds and limits, for rounding on the shortest pieces and in late times
-LONG = 10_000  # moves whose path is not kept while speeds are planned, but made again: quickly
+LONG = 100_000  # moves whose path is not kept while speeds are planned, but made again: quickly
 
 
 def plan(moves: Moves, machine: Machine) -> Trajectory:

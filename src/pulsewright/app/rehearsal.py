@@ -70,6 +70,7 @@ def rehearse(part: str) -> None:
     if part == "plan":
         _plan()
     else:
+        _verify()  # last in a job, which compiles the rest of a run meanwhile
         _run(part)
 
 
@@ -105,6 +106,34 @@ def _plan() -> None:
     b, a, split, _ = speeds(cells, 0.0, 0.0)
     pieces = law(line, cells.element, cells.offset, cells.size, b, a, split)
     certify(t.timed(*pieces), _program().moves, Machine.default())
+
+
+def _verify() -> None:
+    """Look at a recording of a machine that did not move."""
+    from pulsewright.edges.path import numbered_pins
+    from pulsewright.edges.timing import DriveTiming
+    from pulsewright.edges.trace import EdgeTrace
+    from pulsewright.motion.machine import Machine
+    from pulsewright.verify.verifier import Verifier
+
+    machine, plan, clock = Machine.default(), _by_hand(), 1_000_000
+    matrix = machine.motor_matrix()
+    verifier = Verifier(
+        trajectory=plan,
+        moves=_program().moves,
+        motor_matrix=matrix,
+        limits=machine.limit_rows(),
+        clock_hz=clock,
+        motors=numbered_pins(len(matrix)),
+        drives=[DriveTiming(0.0, 0.0, 0.0, 0.0)] * len(matrix),
+    )
+    pins = tuple(f"{kind}{n}" for n in range(len(matrix)) for kind in ("step", "dir"))
+    still = np.zeros(0, np.int64)
+    end = round(2 * plan.duration * clock)
+    verifier.feed(
+        EdgeTrace(clock, pins, np.zeros(len(pins), np.uint8), (still,) * len(pins), 0, end)
+    )
+    verifier.finish()
 
 
 def _run(board: str) -> None:

@@ -367,14 +367,8 @@ def _portions(trajectory: Trajectory) -> Iterator[Trajectory]:
         if begin + PORTION < pieces:
             last = int(np.searchsorted(t.move, t.move[t.element[begin + PORTION]], "right"))
             end = int(np.searchsorted(t.element, last))
-        here = slice(first, last)
-        yield Trajectory(
-            *(t.poly[here], t.cosine[here], t.sine[here], t.omega[here], t.length[here]),
-            move=t.move[here],
-            element=t.element[begin:end] - np.int32(first),
-            start=t.start[begin : end + 1],
-            law=t.law[begin:end],
-        )
+        element, start = t.element[begin:end] - np.int32(first), t.start[begin : end + 1]
+        yield t.timed(element, start, t.law[begin:end], slice(first, last))
         begin, first = end, last
 
 

@@ -173,11 +173,7 @@ class LivePlan:
             start = np.append(0.0, np.diff(plan.start)[moving].cumsum())
             t = self.trajectory
             reached = int(np.searchsorted(t.move, t.move[element[-1]], "right"))
-            here = slice(0, reached)
-            path = Trajectory(
-                *(t.poly[here], t.cosine[here], t.sine[here], t.omega[here], t.length[here]),
-                *(t.move[here], element, start, plan.law[moving]),
-            )
+            path = t.timed(element, start, plan.law[moving], slice(0, reached))
             found = certifier.check(path, plan.override[moving])
             return certifier.finish() if whole else found
         return certifier.finish()

@@ -74,9 +74,11 @@ class MotorPlan(Trajectory):
         """Return the same motion in other coordinates."""
         return self._whole.mapped(matrix)
 
-    def timed(self, element: NDArray[np.int32], start: Floats, law: Floats) -> Trajectory:
-        """Return the same path with other pieces."""
-        return MotorPlan(self._plan.timed(element, start, law), self._matrix)
+    def timed(
+        self, element: NDArray[np.int32], start: Floats, law: Floats, here: slice = slice(None)
+    ) -> Trajectory:
+        """Return the same path with other pieces; see `Trajectory.timed`."""
+        return MotorPlan(self._plan.timed(element, start, law, here), self._matrix)
 
     def part(self, begin: int, end: int) -> Trajectory:
         """Return the pieces from ``begin`` to before ``end``; see `Trajectory.part`."""

@@ -207,10 +207,14 @@ class Along:
 
     def _stops_at_once(self, place: Place) -> bool:
         """Tell whether a place is so near before a rest that nothing but coming to it is left."""
-        e, length = place.element, float(self.elements.length[place.element])
-        final = bool(self.elements.rest[e]) or e == self._size - 1
+        final = bool(self.elements.rest[place.element]) or place.element == self._size - 1
         moving = place.speed > 0 or place.acceleration != 0
-        return final and moving and place.s >= length * (1 - NEAR)
+        return final and moving and self._is_over(place)
+
+    def _is_over(self, place: Place) -> bool:
+        """Tell whether what is left of an element, not a dwell, is so little that it is none."""
+        length = float(self.elements.length[place.element])
+        return length > 0 and place.s >= length * (1 - NEAR)
 
     def _stretch(
         self, place: Place, caps: list[Cap]
@@ -221,9 +225,7 @@ class Along:
         """
         length = self.elements.length
         parts = []
-        e, s = place.element, place.s
-        if length[e] > 0 and s >= length[e] * (1 - NEAR):
-            e, s = e + 1, 0.0
+        e, s = (place.element + 1, 0.0) if self._is_over(place) else place[:2]
         for to, override, speed in caps:
             last, stop = to.element, to.s
             if last > e and length[last] > 0 and stop <= length[last] * NEAR:

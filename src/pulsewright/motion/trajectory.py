@@ -115,11 +115,16 @@ class Trajectory:
         )
 
     def timed(
-        self, element: NDArray[np.int32], start: NDArray[np.float64], law: NDArray[np.float64]
+        self,
+        element: NDArray[np.int32],
+        start: NDArray[np.float64],
+        law: NDArray[np.float64],
+        here: slice = slice(None),
     ) -> Trajectory:
-        """Return the same path with other pieces."""
-        geometry = self.poly, self.cosine, self.sine, self.omega, self.length, self.move
-        return Trajectory(*geometry, element, start, law)
+        """Return the same path with other pieces; of the path the elements ``here`` only."""
+        poly, cosine, sine = self.poly[here], self.cosine[here], self.sine[here]
+        rest = self.omega[here], self.length[here], self.move[here]
+        return Trajectory(poly, cosine, sine, *rest, element, start, law)
 
     def between(self, begin: float, end: float) -> Trajectory:
         """Return a trajectory that is the same from ``begin`` to ``end`` [s]: this one."""
@@ -131,13 +136,8 @@ class Trajectory:
         So ``start`` begins where the first of them does. Arrays are views, where they can be.
         """
         first, last = int(self.element[begin]), int(self.element[end - 1]) + 1
-        return Trajectory(
-            *(self.poly[first:last], self.cosine[first:last], self.sine[first:last]),
-            *(self.omega[first:last], self.length[first:last], self.move[first:last]),
-            element=self.element[begin:end] - np.int32(first),
-            start=self.start[begin : end + 1],
-            law=self.law[begin:end],
-        )
+        element, start = self.element[begin:end] - np.int32(first), self.start[begin : end + 1]
+        return self.timed(element, start, self.law[begin:end], slice(first, last))
 
     def piece(self, time: NDArray[np.float64] | float) -> NDArray[np.int64]:
         """Return the piece at each time; before 0 the first one, after the end the last one."""

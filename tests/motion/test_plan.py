@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -527,13 +526,3 @@ def test_a_cell_that_speeds_up_and_down_again_is_cut_where_its_elements_meet():
     assert ends[element == 0][-1] == pytest.approx(half, abs=1e-15)
     assert law[element == 1][0, 0] == 0.0
     assert ends[element == 1][-1] == pytest.approx(half, abs=1e-12)
-
-
-def test_a_path_that_is_made_again_gives_the_same_plan(monkeypatch):
-    steps = [((50, 0), 50), ((50, 50), 40), 0.5, ((0, 50), None), ((0, 0), 30, ((0, 25), math.pi))]
-    moves = program(steps, tolerance=0.1)
-    kept = plan(moves, MACHINE)
-    monkeypatch.setattr(importlib.import_module("pulsewright.motion.plan"), "LONG", 0)
-    again = plan(moves, MACHINE)
-    for column in fields(kept):
-        assert np.array_equal(getattr(kept, column.name), getattr(again, column.name))

@@ -30,16 +30,17 @@ WINDOW = 64  # cells at once
 MATTERS = 0.005  # of a run's time, lost to the second-order optimum
 WORTH = 0.02  # of a window's time, lost the same way
 STEPS = 8  # of Newton's method
-BARRIER = 0.006  # weight of barriers at first, over the mean time of a cell
-CLOSE = 1e-4  # of a window's time: so little is not worth another step
+BARRIER = 0.04  # weight of barriers at first, over the mean time of a cell
+CLOSE = 1e-4  # of time and barriers: so little is not worth another step
 SOFTER = 0.3  # what a good step leaves of it
 LEAST = 1.5e-3  # the same at last
 NEAR = 0.5  # of a limit: so much before it the barrier begins
 SOFT = 5e-3  # of that: from there on it rises as a parabola
+RESTRAINT = 10.0  # weight against changes of the jerk, over that of barriers
 HALVINGS = 8  # of a step
 GAP = 0.001  # of limits, always kept free
 AGAIN = 3  # times, with more distance to limits that were broken
-MORE = 3  # steps then
+MORE = 2  # steps then
 BACK = 0.1  # of the way to the first law, then, until limits hold
 FULL = 1.0 - 1e-6  # of the square of the largest speed: such a state stays
 SLOW = 0.3  # of the speed in a cell: from there on, jerks are compared with the speed
@@ -145,8 +146,9 @@ def _window(
         return
     weight, after, worst = BARRIER * before / n, math.inf, math.inf
     for trial in range(1 + AGAIN):
+        part = 0.5
         for _ in range(STEPS if trial == 0 else MORE):
-            part = _stepped(w, n, weight, CLOSE * before if trial == 0 else 0.0, trial > 0)
+            part = _stepped(w, n, weight, min(1.0, 2.0 * part), trial > 0)
             if part == 0.0:
                 break
             if part >= 0.5:
@@ -242,11 +244,11 @@ def _worst(w: Window, n: int) -> float:
 
 
 @inner
-def _stepped(w: Window, n: int, weight: float, close: float, keep: bool) -> float:
-    """Do a step of Newton's method; return how much of it, 0 if none makes the value less.
+def _stepped(w: Window, n: int, weight: float, part: float, again: bool) -> float:
+    """Do at most this part of a step of Newton's method; return how much, 0 if it saves nothing.
 
-    Nothing is done where not even ``close`` can be saved. With ``keep``, what was kept free of
-    limits before, is.
+    With ``again``, limits are what matters: what was kept free of them before, is, and the time
+    saved may be little.
     """
     value, state = 0.0, w.state
     b, a = state[0], state[1]
@@ -254,12 +256,12 @@ def _stepped(w: Window, n: int, weight: float, close: float, keep: bool) -> floa
         x = w.cell[i]
         for k in range(3):
             room = 1.1 * x[FREE + k] + (GAP if k > 0 else 0.0)
-            if keep:
+            if again:
                 room = max(room, x[ROOM + k])
             x[ROOM + k] = min(room + x[EXTRA], 0.5)
         value += _cell(x, w.terms[i], b[i], a[i], b[i + 1], a[i + 1], weight, True)
-    slope, part = _direction(w, n), 1.0
-    if not slope < -close:
+    slope = _direction(w, n)
+    if not slope < (0.0 if again else -CLOSE * value):
         return 0.0
     for _ in range(HALVINGS):
         least = math.inf
@@ -537,18 +539,18 @@ def _cell(
     x[USED] = max(top * x[PACE], most_a + free_a, most_j + free_j)
     x[FREE] = (top - max(v0, v1, vm)) * x[PACE]
     x[FREE + 1], x[FREE + 2] = free_a, free_j
-    if derive:  # a little curvature where no limit is near
+    if derive:  # curvature where no limit is near
         strongest = 0.0
         for r in range(rows):
             strongest = max(strongest, abs(terms[r, 0]))
         y, z = strongest / t0, -strongest * j0 / time
         _add(
-            *(x, 0.0, weight, y * m0 + z * t00, y * (m1 - 1.0) + z * t01),
+            *(x, 0.0, RESTRAINT * weight, y * m0 + z * t00, y * (m1 - 1.0) + z * t01),
             *(y * m2 + z * t02, y * m3 + z * t03),
         )
         y, z = -strongest / t1, -strongest * j1 / time
         _add(
-            *(x, 0.0, weight, y * m0 + z * t00, y * m1 + z * t01),
+            *(x, 0.0, RESTRAINT * weight, y * m0 + z * t00, y * m1 + z * t01),
             *(y * m2 + z * t02, y * (m3 - 1.0) + z * t03),
         )
     return value

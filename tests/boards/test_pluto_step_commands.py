@@ -134,6 +134,7 @@ def check_against_the_board(plan, timing, portion=1 << 30, units=(0, 0, 0, 0)):
         seen = pos[np.append(commit[1:], ticks)] // unit - units[motor] // unit
         assert seen.tolist() == updates.count[:, motor].tolist()
         assert count[-1] == updates.count[-1, motor]
+        assert pos[-1] - units[motor] // unit * unit == converter.units[motor]  # to the last unit
         time = (rise * CYCLES - converter.start_cycle) / (CYCLES * TICK_HZ)
         planned = plan.at(time)[:, motor]
         for side in (count[:-1], count[1:]):
@@ -172,6 +173,13 @@ def test_reversals_follow_the_plan(tap, units):
         *there_and_back(rates, [0.05, 0.1, 0.06, 0.3, 0.2, 0.1, 0.05]), [1200.0, -1199.7, 17.0, 0.7]
     )
     assert check_against_the_board(plan, timing_of(tap), units=units) < 0.5 + 0.2
+
+
+def test_a_reversal_waits_for_the_pulse_before_it():
+    """Of 40 fast reversals some come within the 16 ticks of a pulse after its crossing."""
+    rates = 8000.0 * (-1.0) ** np.arange(40)
+    plan = pieces(*there_and_back(rates, np.full(41, 0.0051)), [1.0, -0.77, 0.53, 0.31])
+    assert check_against_the_board(plan, timing_of(3, step=16, space=20)) < 0.5 + 0.3
 
 
 @pytest.mark.parametrize("tap", [0, 1, 2, 3])

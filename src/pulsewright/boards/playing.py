@@ -430,8 +430,8 @@ class UpdateConverter(ABC, Generic[U]):
     def _next_cycles(self, count: int) -> NDArray[np.int64]:
         """Return the cycles of the next ``count`` updates, of fewer at the end."""
         n = max(min(count, self.total - self.position), 0)
-        numbers = self.position + np.arange(n, dtype=np.int64)
-        return self._first_cycle + numbers * self.update_cycles
+        first, step = self.next_cycle, self.update_cycles
+        return np.arange(first, first + n * step, step, dtype=np.int64)
 
     def _near(self, count: int) -> Trajectory:
         """Return what is the plan as far as the next ``count`` updates may look at it."""

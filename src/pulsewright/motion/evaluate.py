@@ -68,17 +68,16 @@ def sample(
     poly, cosine, sine, omega = geometry
     element, start, time_law = law
     pieces, end, count = element.size, start[element.size], out.shape[1]
+    for n in range(count):  # times first: the compiler makes several at once
+        out[0, n] = min(max((first + n * step) * unit, 0.0), end)
     k, n = piece_at(start, first * unit), 0
     while n < count:
         since, until = start[k], start[k + 1] if k + 1 < pieces else math.inf
         # coefficients are read once: for all the compiler knows, what is written may be them
         l0, l1, l2, l3 = time_law[k, 0], time_law[k, 1], time_law[k, 2], time_law[k, 3]
         begin = n
-        while n < count:
-            t = min(max((first + n * step) * unit, 0.0), end)
-            if t >= until:
-                break
-            tau = t - since
+        while n < count and out[0, n] < until:
+            tau = out[0, n] - since
             out[0, n] = ((l3 * tau + l2) * tau + l1) * tau + l0
             n += 1
         e = element[k]

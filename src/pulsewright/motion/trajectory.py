@@ -186,7 +186,10 @@ def _product(values: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArra
 
     Numpy's own product of large matrices leaves the other processors busy waiting for a while.
     """
-    found = np.zeros((*values.shape[:-1], len(matrix)))
-    for row, column in np.argwhere(matrix):
-        found[..., row] += values[..., column] * matrix[row, column]
+    found = np.empty((*values.shape[:-1], len(matrix)))
+    for row, factors in enumerate(matrix):
+        first, *others = np.flatnonzero(factors).tolist() or [0]
+        np.multiply(values[..., first], factors[first], out=found[..., row])
+        for column in others:
+            found[..., row] += values[..., column] * factors[column]
     return found

@@ -177,11 +177,12 @@ class Converter(UpdateConverter[Updates]):
         motors = trajectory.axes
         unit = units_per_step(timing.tap)
         into = np.asarray(units, np.int64)[:motors] % unit
-        # position [unit], direction, tick of the last crossing
-        self._state = np.zeros((motors, 3), np.int64)
+        # position [unit], direction; last crossing: tick, how far before its end, at which speed
+        self._state = np.zeros((motors, 5), np.int64)
         self._state[:, 0] = np.floor(trajectory.at(0.0)[0] + 0.5).astype(np.int64) * unit + into
         self._state[:, 1] = 1
         self._state[:, 2] = -(1 << 40)  # long ago
+        self._state[:, 4] = 1
 
     @property
     def count(self) -> NDArray[np.int64]:
@@ -225,7 +226,7 @@ class Converter(UpdateConverter[Updates]):
                 np.int64,
             ),
             self._state,
-            np.empty((2, n + 1)),
+            np.empty((1 + len(before), n + 1)),
             updates.velocity,
             updates.count,
         )

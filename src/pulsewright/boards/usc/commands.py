@@ -190,7 +190,7 @@ class Converter(UpdateConverter[Updates]):
         updates = Updates(
             cycle=cycle,
             divisor=np.full((n, AXES), (1 << 24) - 1, np.uint32),
-            control=np.full(n, 0x55, np.uint8),
+            control=np.full(n, 0x55 << 2 * len(before) & 0xFF, np.uint8),
             count=np.zeros((n, AXES), np.int64),
         )
         plan, timing = self._near(n), self.timing

@@ -35,6 +35,7 @@ def convert(
 ) -> tuple[float, int, int]:
     """Fill ``divisor``, ``control`` and ``count`` for n updates; advance ``state``.
 
+    Bits of the motors in ``control`` have to be 0 before.
     ``plan`` (2, n + 2) is to work with: from `sample`, where a motor is when updates act. Stops
     where the board falls behind the plan by more than `DEVIATION`; returns by how much [step], the
     axis and the index of the update, or 0 if it does not.
@@ -65,7 +66,8 @@ def convert(
                 # holds pulses back for the setup time after that
                 free = max(settle, pulse + width + setup)
                 settled = free + setup + 1
-            steps = int(phase)
+            whole = np.floor(phase)
+            steps = int(whole)
 
             first = commit  # first tick under the new command
             if run == 0:
@@ -76,7 +78,7 @@ def convert(
             if steps >= 1:
                 # the last step falls when the plan passes its half step, the others evenly before
                 before = direction * (now - counted) + 0.5
-                share = (steps - before) / (phase - before) if phase > before else 0.0
+                share = (whole - before) / (phase - before) if phase > before else 0.0
                 last = commit + int(min(max(share, 0.0), 1.0) * ticks)
                 period = (last - base + (steps >> 1) + 1) // steps
                 if period * (steps + 1) <= elapsed:
@@ -88,7 +90,7 @@ def convert(
                 if even and period * (steps + 1) > elapsed:  # the usual case: no more divisions
                     base += steps * period
                     pulse = base - 1
-                    counted += direction * steps
+                    counted += direction * whole
                 else:
                     even = False
                     if base + period <= earliest:
@@ -118,7 +120,7 @@ def convert(
                         base = pulse + 1
                         counted += direction * pulses
             byte = 2 * run + (direction > 0)
-            control[j] = (control[j] & ~(3 << 2 * i)) | byte << 2 * i
+            control[j] |= byte << 2 * i
             count[j, i] = int(counted)
             if abs(target - counted) > DEVIATION:
                 return abs(target - counted), i, j

@@ -89,6 +89,19 @@ inner = compiled(
     allocates=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
 )
 
+#: The same for those that make arrays.
+making = compiled(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+#: As `inner`, for those called so often that handing over all words of all arrays takes long: they
+#: become part of what calls them.
+inlined = compiled(
+    allocates=False,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
+
 
 @contextmanager
 def uncompiled(moves: int) -> Iterator[None]:

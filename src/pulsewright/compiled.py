@@ -89,6 +89,19 @@ inner = compiled(
     allocates=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
 )
 
+#: The same for those that make arrays.
+making = compiled(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+#: As `inner`, for those called so often that handing over all words of all arrays takes long: they
+#: become part of what calls them.
+inlined = compiled(
+    allocates=False,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+)
+
 
 @contextmanager
 def uncompiled(moves: int) -> Iterator[None]:
@@ -119,7 +132,8 @@ def kept(module: ModuleType) -> bool:
     """Return whether kernels of a module are kept that it could use now."""
     kernels = [k for k in vars(module).values() if isinstance(k, Kernel)]
     own = [k.dispatcher for k in kernels if k.__module__ == module.__name__]
-    return any(k._cache._cache_file._load_index() for k in own if hasattr(k, "_cache"))
+    files = [getattr(getattr(k, "_cache", None), "_cache_file", None) for k in own]
+    return any(file._load_index() for file in files if file is not None)
 
 
 def _ieee(function: Callable[..., float]) -> Callable[..., np.float64]:

@@ -526,3 +526,15 @@ def test_a_cell_that_speeds_up_and_down_again_is_cut_where_its_elements_meet():
     assert ends[element == 0][-1] == pytest.approx(half, abs=1e-15)
     assert law[element == 1][0, 0] == 0.0
     assert ends[element == 1][-1] == pytest.approx(half, abs=1e-12)
+
+
+def test_limits_may_be_along_combinations_of_axes():
+    """A mm of the path is sqrt(1/2) mm of X and of Y: together sqrt(2) mm along their sum."""
+    moves = program([((10, 10), 100)])
+    columns = path.Columns(*(getattr(moves, name) for name in path.Columns._fields))
+    rows = np.array([[0.0, 0, 1, 0, 0, 0], [1, 1, 0, 0, 0, 0]])
+    limits = np.array([7.0, 2]), np.array([7.0, 30]), np.array([7.0, 400])  # of Z, and of the sum
+    elements, along, *_ = path.blended(columns, rows, *limits)
+    assert along.rows.tolist() == [[1, 1, 0, 0, 0, 0]]  # Z does not move
+    share = plan_kernels.cells(elements, along, 0.0).share
+    assert share[0, 0, :3] == pytest.approx(math.sqrt(2) / np.array([2, 30, 400]))

@@ -110,7 +110,7 @@ def _fastest(path: Elements, limits: Limits, parts: int) -> tuple[Floats, Floats
             if size == 0.0:
                 continue
             begin = (c - e * parts) * size
-            _bound(path, limits, e, begin, begin + size, share[c])
+            _bound(path, limits, e, begin, begin + size, share, c)
             cap[c] = path.feed[e] ** 2
             for r in range(rows):
                 if share[c, r, 0] > 0.0:

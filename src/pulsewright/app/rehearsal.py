@@ -104,7 +104,10 @@ def _plan() -> None:
         share=np.full((1, 1, 6), 0.01),
         rows=np.ones(1, np.int64),
     )
-    limits = Limits(np.eye(1, 6), np.ones(1), np.ones(1), np.ones(1))
+    one = np.ones(1)
+    limits = Limits(
+        np.eye(1, 6), np.zeros(1, np.int64), np.ones(1, np.int64), one, one, one, one, one
+    )
     b, a, split, _ = speeds(line, limits, cells, 0.0, 0.0)
     pieces = law(line, cells.element, cells.offset, cells.size, b, a, split)
     certify(t.timed(*pieces), _program().moves, Machine.default())

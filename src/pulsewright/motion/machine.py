@@ -27,7 +27,7 @@ from pydantic_core import ErrorDetails
 
 from pulsewright.errors import MachineError, MotionLimitError
 from pulsewright.motion.kinematics import KINEMATICS
-from pulsewright.motion.moves import AXES, MoveKind, Moves, Plane
+from pulsewright.motion.moves import AXES, MoveKind, Moves
 
 LINEAR: Final = "XYZ"
 TRAVEL_MARGIN: Final = 1e-6  # rounding of programs in inches [mm, degrees]
@@ -433,28 +433,27 @@ class Machine(_Table):
         if not len(moves):
             return
         low, high = move_extents(moves)
-        limits = np.full((2, len(AXES)), np.nan)
+        limits = np.stack([moves.start, moves.start])  # axes that are absent stay where they are
         for letter, axis in self.axis.items():
-            limits[:, AXES.index(letter)] = axis.min, axis.max
-        absent = np.isnan(limits[0])
-        outside = (low < limits[0] - TRAVEL_MARGIN) | (high > limits[1] + TRAVEL_MARGIN)
-        outside |= absent & (high - low > 0)
+            limits[:, AXES.index(letter)] = axis.min - TRAVEL_MARGIN, axis.max + TRAVEL_MARGIN
+        outside = (low < limits[0]) | (high > limits[1])
         if not outside.any():
             return
         move = int(np.argmax(outside.any(axis=1)))
         column = int(np.argmax(outside[move]))
         letter, place = AXES[column], f"line {moves.line[move]}"
-        if absent[column]:
+        if letter not in self.axis:
             raise MotionLimitError(
                 f"{place}: moves axis {letter}, which machine '{self.name}' does not have; only "
                 f"{', '.join(self.axes)}; remove the {letter} words or choose another machine"
             )
-        side = 0 if low[move, column] < limits[0, column] - TRAVEL_MARGIN else 1
-        value, unit = (low, high)[side][move, column], "mm" if letter in LINEAR else "degrees"
+        axis = self.axis[letter]
+        side = "min" if low[move, column] < limits[0, column] else "max"
+        value = (low if side == "min" else high)[move, column]
         raise MotionLimitError(
-            f"{place}: {letter} reaches {value:.6g} {unit} (machine position), beyond "
-            f"axis.{letter}.{('min', 'max')[side]} = {limits[side, column]:g}; check the work "
-            "offset, or choose a machine with more travel"
+            f"{place}: {letter} reaches {value:.6g} {'mm' if letter in LINEAR else 'degrees'} "
+            f"(machine position), beyond axis.{letter}.{side} = {getattr(axis, side):g}; check the "
+            "work offset, or choose a machine with more travel"
         )
 
     def _row(self, coordinates: dict[str, float]) -> NDArray[np.float64]:
@@ -465,30 +464,24 @@ def move_extents(moves: Moves) -> tuple[NDArray[np.float64], NDArray[np.float64]
     """Return the lowest and highest coordinate on each move, both (n, 6)."""
     starts = moves.starts()
     low, high = np.minimum(starts, moves.end), np.maximum(starts, moves.end)
-    for plane in Plane:
-        arcs = np.flatnonzero((moves.kind == MoveKind.ARC) & (moves.plane == plane))
-        if not len(arcs):
-            continue
-        first, second = plane.axes
-        center = moves.center[arcs][:, [first, second]]
-        arm = starts[arcs][:, [first, second]] - center
-        far = moves.end[arcs][:, [first, second]] - center
-        radius = np.maximum(np.hypot(*arm.T), np.hypot(*far.T))
-        angle, sweep = np.arctan2(arm[:, 1], arm[:, 0]), moves.sweep[arcs]
+    arcs = np.flatnonzero(moves.kind == MoveKind.ARC)
+    if len(arcs):
+        normal = moves.plane[arcs].astype(int)
+        columns = np.stack([normal + 1, normal + 2]) % 3  # first and second axis of the plane
+        center = moves.center[arcs, columns]
+        arm, far = starts[arcs, columns] - center, moves.end[arcs, columns] - center
+        radius = np.maximum(np.hypot(*arm), np.hypot(*far))
+        angle, sweep = np.arctan2(arm[1], arm[0]), moves.sweep[arcs]
         begin, size = np.minimum(angle, angle + sweep), np.abs(sweep)
-        for axis, sign, direction in [
-            (first, 1, 0.0),
-            (second, 1, np.pi / 2),
-            (first, -1, np.pi),
-            (second, -1, -np.pi / 2),
-        ]:
-            there = np.mod(direction - begin, 2 * np.pi) <= size
-            crossed = arcs[there]
-            extreme = moves.center[crossed, axis] + sign * radius[there]
-            side = high if sign > 0 else low
-            side[crossed, axis] = (np.maximum if sign > 0 else np.minimum)(
-                side[crossed, axis], extreme
-            )
+        for quarter in range(4):
+            axis, sign = quarter % 2, 1 if quarter < 2 else -1
+            there = np.mod(quarter * np.pi / 2 - begin, 2 * np.pi) <= size
+            place = arcs[there], columns[axis, there]
+            extreme = center[axis, there] + sign * radius[there]
+            if sign > 0:
+                high[place] = np.maximum(high[place], extreme)
+            else:
+                low[place] = np.minimum(low[place], extreme)
     return low, high
 
 

@@ -105,37 +105,40 @@ class Moves:
             the message names the first such move.
         """
         count = len(np.atleast_1d(self.kind))
-        for name, (dtype, shape) in {"start": (np.float64, (6,)), **_layout(count)}.items():
-            column = getattr(self, name)
-            if getattr(column, "dtype", None) != dtype or column.shape != shape:
+        for name, dtype, wide in _LAYOUT:
+            column, shape = getattr(self, name), wide if name == "start" else (count, *wide)
+            sound = isinstance(column, np.ndarray) and column.dtype == dtype
+            if not sound or column.shape != shape:
                 found = f"{getattr(column, 'dtype', type(column).__name__)} {np.shape(column)}"
                 raise UsageError(
                     f"moves.{name} is {found}; for {count} moves it must be an array of "
-                    f"{np.dtype(dtype)} {shape}"
+                    f"{dtype} {shape}"
                 )
         if not np.isfinite(self.start).all():
             raise UsageError(f"moves.start is {self.start.tolist()}; positions must be finite")
-        arc, dwell = self.kind == MoveKind.ARC, self.kind == MoveKind.DWELL
-        slow = ~(self.feed > 0) & ~self.rapid & ~dwell
-        turning = np.isfinite(self.center) | (np.arange(3) == self.plane[:, None])
-        rules = [
-            ("kind", ~np.isin(self.kind, list(MoveKind)), "that of a MoveKind"),
-            ("plane", ~np.isin(self.plane, list(Plane)) & arc, "that of a Plane"),
-            ("end", ~np.isfinite(self.end).all(axis=1), "finite"),
-            ("center", ~turning.all(axis=1) & arc, "finite"),
-            ("sweep", ~(np.isfinite(self.sweep) & (self.sweep != 0)) & arc, "finite and not 0"),
-            ("feed", slow, "above 0"),
-        ]
+        self._require(_is_one_of(self.kind, MoveKind), "kind", "that of a MoveKind")
+        line = self.kind != MoveKind.ARC
+        if not line.all():
+            normal = np.arange(3) == self.plane[:, None]
+            center, swept = np.isfinite(self.center) | normal, np.isfinite(self.sweep)
+            self._require(_is_one_of(self.plane, Plane) | line, "plane", "that of a Plane")
+            self._require(center | line[:, None], "center", "finite")
+            self._require(swept & (self.sweep != 0) | line, "sweep", "finite and not 0")
+        driven = (self.feed > 0) | self.rapid | (self.kind == MoveKind.DWELL)
+        self._require(np.isfinite(self.end), "end", "finite")
+        self._require(driven, "feed", "above 0")
         for name in ("dwell", "tolerance", "collapse", "pitch"):
             column = getattr(self, name)
-            rules.append((name, ~((column >= 0) & (column < np.inf)), "finite, 0 or more"))
-        for name, wrong, rule in rules:
-            if wrong.any():
-                n = int(np.argmax(wrong))
-                raise UsageError(
-                    f"moves.{name}[{n}] is {getattr(self, name)[n].tolist()} (line "
-                    f"{self.line[n]} of the program); it must be {rule}"
-                )
+            self._require((column >= 0) & (column < np.inf), name, "finite, 0 or more")
+
+    def _require(self, fine: NDArray[np.bool_], name: str, rule: str) -> None:
+        """Raise the error of `require_sound` for the first value of a column that is not fine."""
+        if not fine.all():
+            n = int(np.argwhere(~fine)[0, 0])
+            raise UsageError(
+                f"moves.{name}[{n}] is {getattr(self, name)[n].tolist()} (line {self.line[n]} of "
+                f"the program); it must be {rule}"
+            )
 
     def starts(self) -> NDArray[np.float64]:
         """Return the position before each move, shape (n, 6)."""
@@ -155,14 +158,20 @@ class Moves:
         return [getattr(self, column.name) for column in fields(self)[1:]]
 
 
-def _layout(count: int) -> dict[str, tuple[Any, tuple[int, ...]]]:
-    """Return type and shape of each column of `Moves`."""
+def _is_one_of(column: NDArray[np.int8], members: type[IntEnum]) -> NDArray[np.bool_]:
+    """Return where a column has values of members, which are numbered from 0."""
+    return column.view(np.uint8) < len(members)
+
+
+def _layout() -> list[tuple[str, np.dtype[Any], tuple[int, ...]]]:
+    """Return name and type of each column of `Moves`, and the shape of an entry."""
     types = {"kind": np.int8, "plane": np.int8, "rapid": np.bool_, "line": np.int32}
-    wide = {"end": (6,), "center": (3,)}
-    return {
-        field.name: (types.get(field.name, np.float64), (count, *wide.get(field.name, ())))
-        for field in fields(Moves)[1:]
-    }
+    wide = {"start": (6,), "end": (6,), "center": (3,)}
+    names = [column.name for column in fields(Moves)]
+    return [(name, np.dtype(types.get(name, np.float64)), wide.get(name, ())) for name in names]
+
+
+_LAYOUT: Final = _layout()
 
 
 @dataclass(frozen=True)

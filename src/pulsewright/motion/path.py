@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.compiled import compiled, inner
+from pulsewright.compiled import compiled, inlined, inner, making
 
 NOTHING = 1e-8  # motion shorter than this is none [mm, degrees]
 TANGENT = 1e-9  # tangents that differ less are equal; the jump in velocity is rounding
@@ -26,6 +26,7 @@ LONGEST_RUN = 64  # moves that one chord may replace
 BLEND_SHARE = 0.1  # of acceleration and jerk at full speed; a blend need not take less
 SLIVER = 1e-13  # of a segment: so small a part is none; what it bends is rounding
 OVERLAP = 1e-8  # of the smaller one of two blends on a segment: such a part of it is none, too
+MARGIN = 1e-7  # of feeds and limits, for rounding on the shortest pieces and in late times
 ROUNDING = 1e-11  # of positions, left of tolerances [mm, degrees]
 LEAST_BLEND = 1e-7  # of a segment: in a smaller one, rounding would be felt; the machine rests
 SHORT_BLEND = 0.1  # of the stopping distance: so short a blend hinders no change of speed
@@ -47,9 +48,13 @@ class Limits(NamedTuple):
     """Bounds on the magnitudes of ``rows`` times the derivatives of position over time."""
 
     rows: Floats  # (r, 6)
+    begin: Ints  # (r,) the first column that is not 0
+    end: Ints  # (r,) the one after the last
     velocity: Floats  # (r,)
     acceleration: Floats  # (r,)
     jerk: Floats  # (r,)
+    per_acceleration: Floats  # (r,) 1 over it
+    per_jerk: Floats  # (r,) the same
 
 
 class Segments(NamedTuple):
@@ -70,6 +75,10 @@ class Segments(NamedTuple):
     tolerance: Floats  # (s,) left for a blend at the end; 0: rest there
     top: Floats  # (s,) about the largest square of the speed
     ramp: Floats  # (s,) path acceleration possible up to it; 0 for a rest
+    collapse: Floats  # (s,) how far a chord may be from the moves that it replaces, if that is more
+    short: (
+        Flags  # (s,) whether it may become part of a chord: a line too short to stop in, or loose
+    )
 
 
 class Elements(NamedTuple):
@@ -84,6 +93,18 @@ class Elements(NamedTuple):
     dwell: Floats  # (m,)
     feed: Floats  # (m,)
     rest: Flags  # (m,) whether the machine comes to rest at the end
+
+
+class Blends(NamedTuple):
+    """What happens at the end of each segment."""
+
+    size: Floats  # (s, 2) path coordinate that a blend takes of it and of the next; 0: none
+    turn: Floats  # (s, 6) jump of the tangent
+    bend: Floats  # (s, 6) jump of the curvature
+    wanted: Floats  # (s,) size that the blend would have if there were room; infinite: none
+    curved: Flags  # (s,) whether one of the two is an arc
+    halved: Flags  # (s,) whether the blend changes in the middle of its sides
+    rest: Flags  # (s,) whether the machine comes to rest
 
 
 @inner
@@ -104,103 +125,221 @@ def _norm(v: Floats) -> float:
     return max(_length(v, 0), _length(v, 3))
 
 
-@compiled(error_model="numpy")
-def kept_moves(
-    start: Floats,
-    kind: NDArray[np.int8],
-    end: Floats,
-    sweep: Floats,
-    dwell: Floats,
-    tolerance: Floats,
-) -> tuple[Ints, Floats]:
-    """Return the moves that do something, and the tolerance at the end of each of them.
+class Columns(NamedTuple):
+    """Columns of `Moves`, and where the first one begins."""
 
-    Moves without motion pass on their demand to rest.
+    start: Floats
+    kind: NDArray[np.int8]
+    plane: NDArray[np.int8]
+    rapid: Flags
+    end: Floats
+    center: Floats
+    sweep: Floats
+    feed: Floats
+    dwell: Floats
+    tolerance: Floats
+    collapse: Floats
+    pitch: Floats
+
+
+@compiled(error_model="numpy")
+def blended(
+    moves: Columns, rows: Floats, velocity: Floats, acceleration: Floats, jerk: Floats
+) -> tuple[Elements, Limits, Ints, Ints]:
+    """Return the blended path, and the limits on it.
+
+    Parameters
+    ----------
+    moves : Columns
+    rows : (r, 6) float64
+        Combinations of axes that the machine limits.
+    velocity, acceleration, jerk : (r,) float64
+        Limits along them.
+
+    Returns
+    -------
+    path : Elements
+    limits : Limits
+        Those along rows with axes that move.
+    kept : (k,) int64
+        The moves that do something.
+    last : (s,) int64
+        Those of them at whose ends there may be a blend: the last one of each segment. Chords have
+        replaced runs of short lines.
     """
-    kept, left = np.empty(kind.size, np.int64), np.empty(kind.size)
-    last = start
+    n = moves.kind.size
+    kept, tolerance, moving = np.empty(n, np.int64), np.empty(n), np.empty(6, np.bool_)
+    n = _keep(moves, kept, tolerance, moving)
+    kept, tolerance = kept[:n], tolerance[:n]
+    limits = _limited(rows, velocity, acceleration, jerk, moving)
+    work = np.empty((4, max(6, limits.velocity.size)))
+    s = _untraced(kept, tolerance)
+    _trace(moves, s)
+    _find_limits(moves, s, limits, work)
+    last, tolerance = _merged(s, limits)
+    if last.size < n:
+        s = _untraced(last, tolerance)
+        _trace(moves, s)
+        _find_limits(moves, s, limits, work)
+    n = last.size
+    blends = Blends(
+        size=np.empty((n, 2)),
+        turn=np.empty((n, 6)),
+        bend=np.empty((n, 6)),
+        wanted=np.empty(n),
+        curved=np.empty(n, np.bool_),
+        halved=np.empty(n, np.bool_),
+        rest=np.empty(n, np.bool_),
+    )
+    _find_corners(s, limits, blends, work)
+    m = _fit_blends(s, limits, blends)
+    poly, cosine, sine = np.empty((m, 4, 6)), np.empty((m, 6)), np.empty((m, 6))
+    omega, length, dwell, feed = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    move, rest = np.empty(m, np.int32), np.empty(m, np.bool_)
+    path = Elements(poly, cosine, sine, omega, length, move, dwell, feed, rest)
+    e = _split(s, blends, path, work[0])
+    path = Elements(
+        poly[:e],
+        cosine[:e],
+        sine[:e],
+        omega[:e],
+        length[:e],
+        move[:e],
+        dwell[:e],
+        feed[:e],
+        rest[:e],
+    )
+    return path, limits, kept, last
+
+
+@making
+def _limited(
+    rows: Floats, velocity: Floats, acceleration: Floats, jerk: Floats, moving: Flags
+) -> Limits:
+    """Return limits along the rows with axes that move."""
+    n, size = 0, velocity.size
+    kept, begin, end = np.empty((size, 6)), np.empty(size, np.int64), np.empty(size, np.int64)
+    v, a, j = np.empty(size), np.empty(size), np.empty(size)
+    per_a, per_j = np.empty(size), np.empty(size)
+    for r in range(size):
+        used = False
+        begin[n], end[n] = 6, 0
+        for axis in range(6):
+            kept[n, axis] = rows[r, axis]
+            if rows[r, axis] != 0.0:
+                used |= moving[axis]
+                begin[n], end[n] = min(begin[n], axis), axis + 1
+        v[n], a[n] = velocity[r] * (1.0 - MARGIN), acceleration[r] * (1.0 - MARGIN)
+        j[n] = jerk[r] * (1.0 - MARGIN)
+        per_a[n], per_j[n] = 1.0 / a[n], 1.0 / j[n]
+        n += used
+    return Limits(kept[:n], begin[:n], end[:n], v[:n], a[:n], j[:n], per_a[:n], per_j[:n])
+
+
+@making
+def _untraced(move: Ints, tolerance: Floats) -> Segments:
+    """Return segments that end with the moves ``move``, to be traced."""
+    n = move.size
+    return Segments(
+        poly=np.empty((n, 2, 6)),
+        cosine=np.empty((n, 6)),
+        sine=np.empty((n, 6)),
+        omega=np.empty(n),
+        length=np.empty(n),
+        move=move,
+        feed=np.empty(n),
+        dwell=np.empty(n),
+        tolerance=tolerance,
+        top=np.empty(n),
+        ramp=np.empty(n),
+        collapse=np.empty(n),
+        short=np.empty(n, np.bool_),
+    )
+
+
+@inner
+def _keep(moves: Columns, kept: Ints, tolerance: Floats, moving: Flags) -> int:
+    """Find the moves that do something, and the tolerance at the end of each; return how many.
+
+    Moves without motion pass on their demand to rest. ``moving`` becomes true for axes that move.
+    """
+    kind, end = moves.kind, moves.end
+    last = before = moves.start
+    for axis in range(6):
+        moving[axis] = False
     n = 0
     for i in range(kind.size):
-        keep = sweep[i] != 0.0 if kind[i] == ARC else dwell[i] > 0.0
+        keep = moves.sweep[i] != 0.0 if kind[i] == ARC else moves.dwell[i] > 0.0
         if kind[i] == DWELL:
             if n > 0:
-                left[n - 1] = 0.0
+                tolerance[n - 1] = 0.0
         else:
             for axis in range(6):
                 keep |= abs(end[i, axis] - last[axis]) > NOTHING
+        for axis in range(6):
+            moving[axis] |= end[i, axis] != before[axis]
+        before = end[i]
+        if kind[i] == ARC:
+            moving[(moves.plane[i] + 1) % 3] = moving[(moves.plane[i] + 2) % 3] = True
         if keep:
-            kept[n], left[n] = i, tolerance[i]
+            kept[n], tolerance[n] = i, moves.tolerance[i]
             n += 1
             if kind[i] == DWELL:
-                left[n - 1] = 0.0
+                tolerance[n - 1] = 0.0
             else:
                 last = end[i]
         elif n > 0:
-            left[n - 1] = min(left[n - 1], tolerance[i])
-    return kept[:n], left[:n]
+            tolerance[n - 1] = min(tolerance[n - 1], moves.tolerance[i])
+    return n
 
 
-@compiled(error_model="numpy")
-def traced(
-    start: Floats,
-    kind: NDArray[np.int8],
-    plane: NDArray[np.int8],
-    end: Floats,
-    center: Floats,
-    sweep: Floats,
-    feed: Floats,
-    dwell: Floats,
-    move: Ints,
-    tolerance: Floats,
-    limits: Limits,
-) -> Segments:
-    """Return the segments that end with each move of ``move``.
+@inner
+def _trace(moves: Columns, s: Segments) -> None:
+    """Fill in the segments, whose last moves and tolerances are known.
 
-    ``start`` (6,) and the columns of the moves, (n,) or (n, axes), are those of `Moves`; ``move``
-    and ``tolerance`` are (s,). Where the ends of an arc differ in radius, the difference is spread
-    evenly over the arc.
+    Where the ends of an arc differ in radius, the difference is spread evenly over the arc.
     """
-    n = move.size
-    poly, cosine, sine = np.zeros((n, 2, 6)), np.zeros((n, 6)), np.zeros((n, 6))
-    omega, length = np.zeros(n), np.zeros(n)
-    top, ramp, pause, speed = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    delta, work = np.empty(6), np.empty((4, limits.velocity.size))
-    x = start.copy()
-    for k in range(n):
-        i = move[k]
+    x = moves.start
+    for k in range(s.move.size):
+        i = s.move[k]
+        kind, end, center, sweep = moves.kind[i], moves.end[i], moves.center[i], moves.sweep[i]
+        poly, cosine, sine = s.poly[k], s.cosine[k], s.sine[k]
+        delta = poly[1]
         for axis in range(6):
-            delta[axis] = end[i, axis] - x[axis]
-            poly[k, 0, axis] = x[axis]
-        if kind[i] == DWELL:
-            pause[k] = dwell[i]
+            poly[0, axis], delta[axis] = x[axis], end[axis] - x[axis]
+            cosine[axis] = sine[axis] = 0.0
+        s.length[k] = s.omega[k] = s.feed[k] = s.dwell[k] = 0.0
+        s.collapse[k] = moves.collapse[i]
+        if moves.rapid[i] or moves.pitch[i] != 0.0:
+            s.collapse[k] = 0.0
+        if kind == DWELL:
+            s.dwell[k] = moves.dwell[i]
+            for axis in range(6):
+                delta[axis] = 0.0
             continue
         turn = 0.0
-        if kind[i] == ARC:
-            a, b = (plane[i] + 1) % 3, (plane[i] + 2) % 3
-            u, v = x[a] - center[i, a], x[b] - center[i, b]
-            c, s = math.cos(sweep[i]), math.sin(sweep[i])
-            delta[a] = end[i, a] - (center[i, a] + u * c - v * s)
-            delta[b] = end[i, b] - (center[i, b] + v * c + u * s)
-            sign = math.copysign(1.0, sweep[i])
-            poly[k, 0, a], poly[k, 0, b] = center[i, a], center[i, b]
-            cosine[k, a], cosine[k, b] = u, v
-            sine[k, a], sine[k, b] = -sign * v, sign * u
-            turn = abs(sweep[i])
+        if kind == ARC:
+            a, b = (moves.plane[i] + 1) % 3, (moves.plane[i] + 2) % 3
+            u, v = x[a] - center[a], x[b] - center[b]
+            c, d = math.cos(sweep), math.sin(sweep)
+            delta[a] = end[a] - (center[a] + u * c - v * d)
+            delta[b] = end[b] - (center[b] + v * c + u * d)
+            sign = math.copysign(1.0, sweep)
+            poly[0, a], poly[0, b] = center[a], center[b]
+            cosine[a], cosine[b] = u, v
+            sine[a], sine[b] = -sign * v, sign * u
+            turn = abs(sweep)
             around = math.hypot(u, v) * turn + math.hypot(delta[a], delta[b])
-            length[k] = math.hypot(around, delta[plane[i]])
+            length = math.hypot(around, delta[moves.plane[i]])
         else:
-            length[k] = _length(delta, 0)
-        if length[k] < NOTHING:
-            length[k] = _length(delta, 3)
+            length = _length(delta, 0)
+        if length < NOTHING:
+            length = _length(delta, 3)
         for axis in range(6):
-            poly[k, 1, axis] = delta[axis] / length[k]
-            x[axis] = end[i, axis]
-        omega[k] = turn / length[k]
-        speed[k] = feed[i]
-        top[k], ramp[k] = _limits(
-            poly[k, 1], cosine[k], sine[k], omega[k], turn, feed[i], limits, work
-        )
-    return Segments(poly, cosine, sine, omega, length, move, speed, pause, tolerance, top, ramp)
+            delta[axis] /= length
+        x = end
+        s.length[k], s.omega[k] = length, turn / length
+        s.feed[k] = math.inf if moves.rapid[i] else moves.feed[i] * (1.0 - MARGIN)
 
 
 @compiled(error_model="numpy")
@@ -223,131 +362,133 @@ def _peaks(
 
 
 @inner
-def _limits(
-    straight: Floats,
-    cosine: Floats,
-    sine: Floats,
-    omega: float,
-    turn: float,
-    feed: float,
-    limits: Limits,
-    work: Floats,
-) -> tuple[float, float]:
-    """Return the largest square of the speed, and the path acceleration possible up to it."""
+def _find_limits(moves: Columns, s: Segments, limits: Limits, work: Floats) -> None:
+    """Find the largest speeds, and the lines that may become part of chords; ``work`` is (4, r)."""
     line, swing = work[0], work[1]  # parts of x' along each row
     along, bend = work[2], work[3]  # largest x' and x'' along each row
-    count, cos, sin = limits.velocity.size, 1.0, 0.0
-    if turn > 0.0:
-        cos, sin = math.cos(turn), math.sin(turn)
-    top = feed * feed
-    for r in range(count):
-        line[r], swing[r], bend[r] = 0.0, 0.0, 0.0
-        for axis in range(6):
-            line[r] += limits.rows[r, axis] * straight[axis]
-        line[r] = along[r] = abs(line[r])
-        if turn > 0.0:
-            c, s = 0.0, 0.0
-            for axis in range(6):
-                c += limits.rows[r, axis] * cosine[axis]
-                s += limits.rows[r, axis] * sine[axis]
-            swing[r] = omega * math.hypot(c, s)
-            slope, wave = _peaks(c, s, 1.0, 0.0, cos, sin, turn)
-            along[r] += omega * slope
-            bend[r] = omega * omega * wave
-        if along[r] > 0.0:
-            top = min(top, _square(limits.velocity[r] / along[r]))
-        if bend[r] > 0.0:
-            top = min(top, ARC_SHARE * limits.acceleration[r] / bend[r])
-        if swing[r] > 0.0:
-            top = min(top, (ARC_JERK * limits.jerk[r] / (_square(omega) * swing[r])) ** (2 / 3))
-    ramp = math.inf
-    for r in range(count):
-        if along[r] > 0.0:
-            limit = limits.acceleration[r]
-            best = (limit - bend[r] * top) / along[r]  # both at their worst at once
-            full = omega * swing[r] * top
-            if full < limit:  # x'' and x' of a turning point are a quarter turn apart
-                free = limit * limit - full * full
-                wider = _square(swing[r]) - _square(line[r])
-                root = _square(limit * line[r]) + wider * free
-                best = max(best, free / (limit * line[r] + math.sqrt(root)))
-            ramp = min(ramp, best)
-    return top, ramp
+    count = limits.velocity.size
+    for k in range(s.length.size):
+        s.top[k], s.ramp[k], s.short[k] = 0.0, 0.0, False
+        if s.length[k] == 0.0:
+            continue
+        straight, cosine, sine, omega = s.poly[k, 1], s.cosine[k], s.sine[k], s.omega[k]
+        turn, cos, sin = 0.0, 1.0, 0.0
+        if omega > 0.0:
+            turn = abs(moves.sweep[s.move[k]])
+            cos, sin = math.cos(turn), math.sin(turn)
+        top = s.feed[k] * s.feed[k]
+        for r in range(count):
+            line[r], swing[r], bend[r] = 0.0, 0.0, 0.0
+            for axis in range(limits.begin[r], limits.end[r]):
+                line[r] += limits.rows[r, axis] * straight[axis]
+            line[r] = along[r] = abs(line[r])
+            if turn > 0.0:
+                c, d = 0.0, 0.0
+                for axis in range(limits.begin[r], limits.end[r]):
+                    c += limits.rows[r, axis] * cosine[axis]
+                    d += limits.rows[r, axis] * sine[axis]
+                swing[r] = omega * math.hypot(c, d)
+                slope, wave = _peaks(c, d, 1.0, 0.0, cos, sin, turn)
+                along[r] += omega * slope
+                bend[r] = omega * omega * wave
+            if along[r] > 0.0:
+                top = min(top, _square(limits.velocity[r] / along[r]))
+            if bend[r] > 0.0:
+                top = min(top, ARC_SHARE * limits.acceleration[r] / bend[r])
+            if swing[r] > 0.0:
+                twist = _square(omega) * swing[r]
+                top = min(top, (ARC_JERK * limits.jerk[r] / twist) ** (2 / 3))
+        ramp = math.inf
+        for r in range(count):
+            if along[r] > 0.0:
+                limit = limits.acceleration[r]
+                best = (limit - bend[r] * top) / along[r]  # both at their worst at once
+                full = omega * swing[r] * top
+                if full < limit:  # x'' and x' of a turning point are a quarter turn apart
+                    free = limit * limit - full * full
+                    wider = _square(swing[r]) - _square(line[r])
+                    root = _square(limit * line[r]) + wider * free
+                    best = max(best, free / (limit * line[r] + math.sqrt(root)))
+                ramp = min(ramp, best)
+        s.top[k], s.ramp[k] = top, ramp
+        loose = s.collapse[k] > s.tolerance[k] > 0.0
+        s.short[k] = turn == 0.0 and (loose or 2.0 * ramp * s.length[k] < top)
+        for axis in range(3, 6):
+            s.short[k] &= straight[axis] == 0.0
 
 
-@inner
-def _size_needed(e1: Floats, e2: Floats, top: float, limits: Limits) -> float:
-    """Return the size of a blend that takes all acceleration or jerk at a square of the speed."""
-    size, cube = 0.0, top * math.sqrt(top)
+@inlined
+def _size_needed(s: Segments, k: int, limits: Limits) -> float:
+    """Return the size of a blend after segment ``k`` that takes all acceleration or jerk there."""
+    size, top = 0.0, s.top[k]
+    cube = top * math.sqrt(top)
     for r in range(limits.acceleration.size):
         turn = 0.0
-        for axis in range(6):
-            turn += limits.rows[r, axis] * (e2[axis] - e1[axis])
+        for axis in range(limits.begin[r], limits.end[r]):
+            turn += limits.rows[r, axis] * (s.poly[k + 1, 1, axis] - s.poly[k, 1, axis])
         size = max(size, abs(turn) * top / (2.0 * limits.acceleration[r]))
         size = max(size, math.sqrt(abs(turn) * cube / limits.jerk[r]))
     return size
 
 
-@compiled(error_model="numpy")
-def merged(s: Segments, collapse: Floats, limits: Limits) -> tuple[Ints, Floats]:
+@making
+def _merged(s: Segments, limits: Limits) -> tuple[Ints, Floats]:
     """Choose runs of lines to replace by their chords, in X, Y, Z and of one feed.
 
     Within the tolerance, runs that would slow the machine down, and of lines too short to stop in:
-    longer ones have room to change speed. Where more is allowed by ``collapse`` (s,), all runs that
-    lie so near to their chord; what it allows beyond the tolerance is the chords' alone.
+    longer ones have room to change speed. Where more is allowed by the moves' ``collapse``, all
+    runs that lie so near to their chord; what it allows beyond the tolerance is the chords' alone.
 
     Returns
     -------
     last : (k,) int64
-        The last segment of each run; runs of single segments stay what they are.
+        The last move of each run; runs of single segments stay what they are.
     tolerance : (k,) float64
         What is left of the tolerance for the blend after each run.
     """
-    n = s.length.size
-    last, used, left = np.empty(n, np.int64), np.zeros(n + 1), np.empty(n)
-    wide = np.full(n + 1, np.inf)  # what all deviations of a run together may be
-    short = np.empty(n, np.bool_)
-    for j in range(n):
-        loose = collapse[j] > s.tolerance[j] > 0.0
-        short[j] = s.omega[j] == 0.0 and (loose or 2.0 * s.ramp[j] * s.length[j] < s.top[j])
-        for axis in range(3, 6):
-            short[j] &= s.poly[j, 1, axis] == 0.0
+    poly, feed, tolerance, length = s.poly, s.feed, s.tolerance, s.length
+    n = length.size
+    last, used, left = np.empty(n, np.int64), np.empty(n + 1), np.empty(n)
+    wide = np.empty(n + 1)  # what all deviations of a run together may be
+    short, collapse = s.short, s.collapse
     k, i = 0, 0
     while i < n:
         j = i
-        more = collapse[i] - s.tolerance[i] if collapse[i] > s.tolerance[i] > 0.0 else 0.0
+        more = collapse[i] - tolerance[i] if collapse[i] > tolerance[i] > 0.0 else 0.0
         worst, tight = 0.0, more > 0.0
         while (
             j + 1 < n
             and j - i < LONGEST_RUN
             and short[j]
             and short[j + 1]
-            and s.feed[j + 1] == s.feed[i]
-            and s.tolerance[j] == s.tolerance[i]
+            and feed[j + 1] == feed[i]
+            and tolerance[j] == tolerance[i]
             and collapse[j + 1] == collapse[i]
         ):
-            far = _chord_distance(s.poly, s.length, i, j + 1)
-            if far < 0.0 or far > more + MERGE_SHARE * s.tolerance[i]:
+            far = _chord_distance(poly, length, i, j + 1)
+            if far < 0.0 or far > more + MERGE_SHARE * tolerance[i]:
                 break
-            room = 0.5 * min(s.length[j], s.length[j + 1])
-            tight |= room < _size_needed(s.poly[j, 1], s.poly[j + 1, 1], s.top[j], limits)
+            room = 0.5 * min(length[j], length[j + 1])
+            tight |= room < _size_needed(s, j, limits)
             worst = far
             j += 1
         if tight:
             last[k], used[k] = j, worst
-            wide[k] = more + s.tolerance[i] if j > i else np.inf
+            wide[k] = more + tolerance[i] if j > i else math.inf
             k += 1
             i = j + 1
         else:
             for single in range(i, max(j, i + 1)):
-                last[k] = single
+                last[k], used[k], wide[k] = single, 0.0, math.inf
                 k += 1
             i = max(j, i + 1)
+    used[k], wide[k] = 0.0, math.inf
     for q in range(k):
-        left[q] = s.tolerance[last[q]]
+        left[q] = tolerance[last[q]]
         if left[q] > 0.0:
             for run in range(q, q + 2):
                 left[q] = min(left[q], wide[run] - used[run])
+        last[q] = s.move[last[q]]
     return last[:k], left[:k]
 
 
@@ -371,7 +512,7 @@ def _chord_distance(poly: Floats, length: Floats, first: int, last: int) -> floa
     return math.sqrt(worst) / size
 
 
-@inner
+@inlined
 def _tangent(s: Segments, k: int, at: float, out: Floats, bend: Floats) -> None:
     """Put the first two derivatives of segment ``k`` at ``at`` into ``out`` and ``bend``."""
     w = s.omega[k]
@@ -383,7 +524,7 @@ def _tangent(s: Segments, k: int, at: float, out: Floats, bend: Floats) -> None:
         bend[axis] = -w * w * (s.cosine[k, axis] * c + s.sine[k, axis] * d)
 
 
-@inner
+@inlined
 def _of_use(turn: Floats, bend: Floats, top: float, ramp: float, limits: Limits) -> float:
     """Return the size of a blend that hinders little: a larger one is of no use.
 
@@ -392,7 +533,7 @@ def _of_use(turn: Floats, bend: Floats, top: float, ramp: float, limits: Limits)
     size = SHORT_BLEND * top / (2.0 * ramp)
     for r in range(limits.acceleration.size):
         first, second = 0.0, 0.0
-        for axis in range(6):
+        for axis in range(limits.begin[r], limits.end[r]):
             first += limits.rows[r, axis] * turn[axis]
             second += limits.rows[r, axis] * bend[axis]
         first, second = abs(first) / BLEND_SHARE, abs(second) / BLEND_SHARE
@@ -402,7 +543,7 @@ def _of_use(turn: Floats, bend: Floats, top: float, ramp: float, limits: Limits)
     return size
 
 
-@inner
+@inlined
 def _is_hasty(turn: Floats, size: float, top: float, limits: Limits) -> bool:
     """Return whether the jerk limits the speed on a blend, or is near to it.
 
@@ -411,7 +552,7 @@ def _is_hasty(turn: Floats, size: float, top: float, limits: Limits) -> bool:
     bent, twisted = top, math.inf  # squares of speeds
     for r in range(limits.acceleration.size):
         first = 0.0
-        for axis in range(6):
+        for axis in range(limits.begin[r], limits.end[r]):
             first += limits.rows[r, axis] * turn[axis]
         first = abs(first)
         if first > 0.0:
@@ -420,33 +561,19 @@ def _is_hasty(turn: Floats, size: float, top: float, limits: Limits) -> bool:
     return HASTY * twisted < bent
 
 
-@compiled(error_model="numpy")
-def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
-    """Choose the blends.
+@inner
+def _find_corners(s: Segments, limits: Limits, found: Blends, work: Floats) -> None:
+    """Find the corners, and the sizes wanted of blends there; ``work`` is (4, 6).
 
-    As large as the tolerance allows, but not larger than of use, so that lines remain to change
-    speed on. The sizes on both sides of a corner are equal, but where the jerk limits the speed and
-    the lines there are of nearly one length: then the blend takes all of both. So it ends where the
-    next blends have their peaks, as on the chords of a curve whose lengths differ by rounding: ever
-    so short a part that only one of them bends would allow no more speed than a corner.
-
-    Returns
-    -------
-    size : (s, 2) float64
-        Path coordinate that the blend at the end of each segment takes of it and of the next; 0
-        where there is none.
-    turn, bend : (s, 6) float64
-        Jumps of the first two derivatives there.
-    rest : (s,) bool
-        Whether the machine comes to rest at the end of the segment.
+    Blends are as large as the tolerance allows, but not larger than of use, so that lines remain to
+    change speed on.
     """
-    n = s.length.size
-    # where there is no blend, too, half of the segment is left to others at most: none vanishes
-    wanted, size, rest = np.full(n, math.inf), np.zeros((n, 2)), np.zeros(n, np.bool_)
-    turn, bend, curved = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros(n, np.bool_)
-    work = np.empty((4, 6))
+    n, turn, bend = s.length.size, found.turn, found.bend
+    wanted, curved, rest = found.wanted, found.curved, found.rest
     e1, e2, c1, c2 = work[0], work[1], work[2], work[3]
     for k in range(n):
+        found.size[k, 0] = found.size[k, 1] = 0.0
+        wanted[k], curved[k], found.halved[k] = math.inf, False, False
         rest[k] = k + 1 == n or s.tolerance[k] <= 2.0 * ROUNDING
         if rest[k]:
             continue
@@ -473,7 +600,20 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
         widest = max(s.omega[k], s.omega[k + 1])
         if widest > 0.0:
             wanted[k] = min(wanted[k], WIDEST_ARC / widest)
-    for k in range(n - 1):
+
+
+@inner
+def _fit_blends(s: Segments, limits: Limits, found: Blends) -> int:
+    """Choose the sizes of blends such that there is room; return how many elements that makes.
+
+    The sizes on both sides of a corner are equal, but where the jerk limits the speed and the lines
+    there are of nearly one length: then the blend takes all of both. So it ends where the next
+    blends have their peaks, as on the chords of a curve whose lengths differ by rounding: ever so
+    short a part that only one of them bends would allow no more speed than a corner.
+    """
+    wanted, size, turn, curved = found.wanted, found.size, found.turn, found.curved
+    count = s.length.size
+    for k in range(s.length.size - 1):
         if wanted[k] == math.inf:
             continue
         for side in range(2):
@@ -488,8 +628,11 @@ def blends(s: Segments, limits: Limits) -> tuple[Floats, Floats, Floats, Flags]:
             size[k, 0] = size[k, 1] = least
         if least < LEAST_BLEND * max(s.length[k], s.length[k + 1]):
             size[k, 0] = size[k, 1] = 0.0
-            rest[k] = True
-    return size, turn, bend, rest
+            found.rest[k] = True
+            continue
+        found.halved[k] = curved[k] or size[k, 0] != size[k, 1]
+        count += 4 if found.halved[k] else 2
+    return count
 
 
 @inner
@@ -543,22 +686,13 @@ def _displace(
         x[3, axis] += side * (k * k3 + t * t3)
 
 
-@compiled(error_model="numpy")
-def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags) -> Elements:
-    """Split the segments where blends begin, change or end, and add the displacements."""
-    n = s.length.size
-    m, halved = n, np.zeros(n, np.bool_)  # blends that change in the middle of their sides
-    for k in range(n):
-        if size[k, 0] > 0.0:
-            halved[k] = s.omega[k] > 0.0 or s.omega[k + 1] > 0.0 or size[k, 0] != size[k, 1]
-            m += 4 if halved[k] else 2
-    x = np.empty((m, 4, 6))
-    cosine, sine = np.zeros((m, 6)), np.zeros((m, 6))
-    omega, length, dwell, feed = np.zeros(m), np.empty(m), np.zeros(m), np.empty(m)
-    move, still = np.empty(m, np.int32), np.zeros(m, np.bool_)
-    cut = np.empty(6)
+@inner
+def _split(s: Segments, blends: Blends, path: Elements, cut: Floats) -> int:
+    """Fill in the elements; return how many there are. ``cut`` is (6,)."""
+    x, cosine, sine = path.poly, path.cosine, path.sine
+    size, turn, bend, halved = blends.size, blends.turn, blends.bend, blends.halved
     e = 0
-    for k in range(n):
+    for k in range(s.length.size):
         w, full = s.omega[k], s.length[k]
         before = size[k - 1, 1] if k > 0 else 0.0
         after = size[k, 0]
@@ -587,6 +721,8 @@ def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags)
             if i < count and (end - begin <= sliver or full - end <= sliver):
                 continue
             c, d = 1.0, 0.0
+            for axis in range(6):
+                cosine[e, axis] = sine[e, axis] = 0.0
             if w > 0.0:
                 c, d = math.cos(w * begin), math.sin(w * begin)
                 for axis in range(6):
@@ -604,19 +740,9 @@ def elements(s: Segments, size: Floats, turn: Floats, bend: Floats, rest: Flags)
                 near = full - middle < 0.5 * after
                 at = min(full - begin, after)
                 _displace(x[e], turn[k], bend[k], after, size[k, 1], at, -1.0, near)
-            omega[e], length[e], dwell[e] = w, end - begin, s.dwell[k]
-            move[e], feed[e] = s.move[k], s.feed[k]
+            path.omega[e], path.length[e], path.dwell[e] = w, end - begin, s.dwell[k]
+            path.move[e], path.feed[e], path.rest[e] = s.move[k], s.feed[k], False
             begin = end
             e += 1
-        still[e - 1] = rest[k]
-    return Elements(
-        x[:e],
-        cosine[:e],
-        sine[:e],
-        omega[:e],
-        length[:e],
-        move[:e],
-        dwell[:e],
-        feed[:e],
-        still[:e],
-    )
+        path.rest[e - 1] = blends.rest[k]
+    return e

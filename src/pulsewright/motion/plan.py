@@ -1,7 +1,7 @@
 """Look-ahead planning: from moves to a trajectory that keeps every limit.
 
 1. *Geometry*: at each corner where the program allows a deviation, and where a line meets an arc, a
-   displacement makes position, tangent and curvature continuous; see `path.blends`.
+   displacement makes position, tangent and curvature continuous; see `path.blended`.
 2. *Speeds*: the second-order optimum of this path, lowered where speeds would change faster than
    the jerk allows; see `plan_kernels.speeds`. Speed changes on blends too, so curves made of short
    chords are driven like the curves they stand for.
@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 from pulsewright.compiled import uncompiled
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.machine import Machine
-from pulsewright.motion.moves import MoveKind, Moves, Plane
+from pulsewright.motion.moves import Moves
 from pulsewright.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from pulsewright.motion.path import Elements, Limits, Segments
+    from pulsewright.motion.path import Elements, Limits
 
 __all__ = ["Certificate", "begin_times", "certify", "plan"]
-
-MARGIN = 1e-7  # of feeds and limits, for rounding on the shortest pieces and in late times
 
 
 def plan(moves: Moves, machine: Machine) -> Trajectory:
@@ -66,59 +64,24 @@ def blended_path(moves: Moves, machine: Machine) -> tuple[Elements, Limits]:
     """Return the path with blends, and the limits that hold on it."""
     from pulsewright.motion import path
 
-    found = window(moves, machine)
-    if found is None:  # nothing moves: one rest of no time
-        nowhere, zero, never = np.zeros((1, 6)), np.zeros(1), np.zeros(1, np.int32)
-        poly = np.stack([moves.start[None], nowhere, nowhere, nowhere], axis=1)
-        rest = path.Elements(
-            *(poly, nowhere, nowhere, zero, zero, never, zero, zero, np.ones(1, np.bool_))
-        )
-        return rest, path.Limits(*_limits(machine, moves))
-    segments, limits, _ = found
-    return path.elements(segments, *path.blends(segments, limits)), limits
+    elements, limits, kept, _ = blended(moves, machine)
+    if len(kept):
+        return elements, limits
+    # nothing moves: one rest of no time
+    nowhere, zero, never = np.zeros((1, 6)), np.zeros(1), np.zeros(1, np.int32)
+    poly = np.stack([moves.start[None], nowhere, nowhere, nowhere], axis=1)
+    rest = np.ones(1, np.bool_)
+    return path.Elements(poly, nowhere, nowhere, zero, zero, never, zero, zero, rest), limits
 
 
-def _limits(machine: Machine, moves: Moves) -> tuple[NDArray[np.float64], ...]:
-    """Return rows that the moves use, and their limits."""
-    rows, *limits = *machine.limit_rows(), machine.jerk_limits()
-    moving = (np.diff(moves.end, axis=0, prepend=moves.start[None]) != 0).any(axis=0)
-    arcs = moves.kind == MoveKind.ARC
-    for plane in Plane:
-        moving[list(plane.axes)] |= (arcs & (moves.plane == plane)).any()
-    used = (rows[:, moving] != 0).any(axis=1)
-    return rows[used], *(limit[used] * (1 - MARGIN) for limit in limits)
-
-
-def window(moves: Moves, machine: Machine) -> tuple[Segments, Limits, NDArray[np.int64]] | None:
-    """Return the segments of the path, limits on it, and the moves that do something.
-
-    Chords have replaced runs of short segments. None if nothing moves.
-    """
+def blended(
+    moves: Moves, machine: Machine
+) -> tuple[Elements, Limits, NDArray[np.int64], NDArray[np.int64]]:
+    """Return what `path.blended` does: without elements if nothing moves."""
     from pulsewright.motion import path
 
-    limits = path.Limits(*_limits(machine, moves))
-    kept, tolerance = path.kept_moves(
-        moves.start, moves.kind, moves.end, moves.sweep, moves.dwell, moves.tolerance
-    )
-    if not len(kept):
-        return None
-    columns = (
-        moves.start,
-        moves.kind,
-        moves.plane,
-        moves.end,
-        moves.center,
-        moves.sweep,
-        np.where(moves.rapid, np.inf, moves.feed * (1 - MARGIN)),
-        moves.dwell,
-    )
-    segments = path.traced(*columns, kept, tolerance, limits)
-    feeds = ~moves.rapid & (moves.pitch == 0)
-    collapse = np.where(feeds, moves.collapse, 0.0)
-    last, tolerance = path.merged(segments, collapse[kept], limits)
-    if len(last) < len(kept):
-        segments = path.traced(*columns, kept[last], tolerance, limits)
-    return segments, limits, kept
+    columns = path.Columns(*(getattr(moves, name) for name in path.Columns._fields))
+    return path.blended(columns, *machine.limit_rows(), machine.jerk_limits())
 
 
 def begin_times(trajectory: Trajectory, count: int) -> NDArray[np.float64]:

@@ -23,14 +23,14 @@ is known, of seven pieces at most, and nodes are put where its jerk changes.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.compiled import compiled, inner
+from pulsewright.compiled import compiled, inlined, inner
 from pulsewright.motion.cell_law import ROUNDING, Cells, keeps_limits, limits_used, two_pieces
-from pulsewright.motion.path import Elements, Floats, Ints, Limits, _peaks
+from pulsewright.motion.path import Elements, Flags, Floats, Ints, Limits, _peaks
 from pulsewright.motion.refine import refine, window_of
 
 BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
@@ -61,45 +61,80 @@ LINE_SOFT = 0.8  # the same until speeds are raised beside them
 PARTS = 4096  # cells of one element at most
 
 
-@inner
-def _bound(path: Elements, limits: Limits, e: int, begin: float, end: float, share: Floats) -> None:
-    """Raise the shares (r, 6) of a cell to those of a part of element ``e``."""
-    w, h, rows = path.omega[e], end - begin, limits.rows
-    share[0, 0] = max(share[0, 0], 1.0 / path.feed[e])
-    c0, s0, c1, s1 = 1.0, 0.0, 1.0, 0.0
-    if w != 0.0:
+_Arc: TypeAlias = tuple[float, float, float, float]
+
+
+class Pace(NamedTuple):
+    """Rough second-order speeds along the path."""
+
+    cap: Floats  # (m,) largest square of the speed on each element
+    ramp: Floats  # (m,) path acceleration there
+    speed: Floats  # (m + 1,) square of the speed at the ends of elements
+    busy: Floats  # (m,) distance to elements where the speed changes; -1 for these
+    bent: Flags  # (m,) whether the element is not a line
+
+
+@inlined
+def _sizes(
+    path: Elements, limits: Limits, e: int, r: int, begin: float, end: float, arc: _Arc
+) -> tuple[float, float, float]:
+    """Return the largest derivatives of position along a row, on a part of element ``e``.
+
+    ``arc`` are cosine and sine of the angles there, see `_arc`.
+    """
+    w, h = path.omega[e], end - begin
+    p1, p2, p3, c, s = 0.0, 0.0, 0.0, 0.0, 0.0
+    for axis in range(limits.begin[r], limits.end[r]):
+        row = limits.rows[r, axis]
+        p1 += row * path.poly[e, 1, axis]
+        p2 += row * path.poly[e, 2, axis]
+        p3 += row * path.poly[e, 3, axis]
+        c += row * path.cosine[e, axis]
+        s += row * path.sine[e, axis]
+    third = abs(6.0 * p3)
+    bend = 2.0 * p2 + 6.0 * p3 * begin
+    second = max(abs(bend), abs(bend + 6.0 * p3 * h))
+    e0 = p1 + (2.0 * p2 + 3.0 * p3 * begin) * begin
+    e1 = p1 + (2.0 * p2 + 3.0 * p3 * end) * end
+    first = max(abs(e0), abs(e1))
+    if p3 != 0.0:
+        first = max(first, abs(e0 + 0.5 * bend * h))
+    if c != 0.0 or s != 0.0:
+        along, inward = _peaks(c, s, arc[0], arc[1], arc[2], arc[3], w * h)
+        first += w * along
+        second += w * w * inward
+        third += w * w * w * along
+    return first, second, third
+
+
+@inlined
+def _arc(path: Elements, e: int, begin: float, end: float) -> _Arc:
+    """Return cosine and sine of the angles where a part of element ``e`` begins and ends."""
+    w = path.omega[e]
+    if w == 0.0:
+        return 1.0, 0.0, 1.0, 0.0
+    c0, s0 = 1.0, 0.0
+    if begin > 0.0:
         c0, s0 = math.cos(w * begin), math.sin(w * begin)
-        c1, s1 = math.cos(w * end), math.sin(w * end)
-    for r in range(rows.shape[0]):
-        p1, p2, p3, c, s = 0.0, 0.0, 0.0, 0.0, 0.0
-        for axis in range(6):
-            row = rows[r, axis]
-            if row != 0.0:
-                p1 += row * path.poly[e, 1, axis]
-                p2 += row * path.poly[e, 2, axis]
-                p3 += row * path.poly[e, 3, axis]
-                c += row * path.cosine[e, axis]
-                s += row * path.sine[e, axis]
-        third = abs(6.0 * p3)
-        bend = 2.0 * p2 + 6.0 * p3 * begin
-        second = max(abs(bend), abs(bend + 6.0 * p3 * h))
-        e0 = p1 + (2.0 * p2 + 3.0 * p3 * begin) * begin
-        e1 = p1 + (2.0 * p2 + 3.0 * p3 * end) * end
-        first = max(abs(e0), abs(e1))
-        if p3 != 0.0:
-            first = max(first, abs(e0 + 0.5 * bend * h))
-        if c != 0.0 or s != 0.0:
-            along, inward = _peaks(c, s, c0, s0, c1, s1, w * h)
-            first += w * along
-            second += w * w * inward
-            third += w * w * w * along
-        per_acceleration, per_jerk = 1.0 / limits.acceleration[r], 1.0 / limits.jerk[r]
-        share[0, 0] = max(share[0, 0], first / limits.velocity[r])
-        share[r, 1] = max(share[r, 1], first * per_acceleration)
-        share[r, 2] = max(share[r, 2], first * per_jerk)
-        share[r, 3] = max(share[r, 3], second * per_acceleration)
-        share[r, 4] = max(share[r, 4], 3.0 * second * per_jerk)
-        share[r, 5] = max(share[r, 5], third * per_jerk)
+    return c0, s0, math.cos(w * end), math.sin(w * end)
+
+
+@inlined
+def _bound(
+    path: Elements, limits: Limits, e: int, begin: float, end: float, share: Floats, p: int
+) -> None:
+    """Raise shares, ``share[p]``, to those of a part of element ``e``."""
+    arc = _arc(path, e, begin, end)
+    share[p, 0, 0] = max(share[p, 0, 0], 1.0 / path.feed[e])
+    for r in range(limits.velocity.size):
+        first, second, third = _sizes(path, limits, e, r, begin, end, arc)
+        per_acceleration, per_jerk = limits.per_acceleration[r], limits.per_jerk[r]
+        share[p, 0, 0] = max(share[p, 0, 0], first / limits.velocity[r])
+        share[p, r, 1] = max(share[p, r, 1], first * per_acceleration)
+        share[p, r, 2] = max(share[p, r, 2], first * per_jerk)
+        share[p, r, 3] = max(share[p, r, 3], second * per_acceleration)
+        share[p, r, 4] = max(share[p, r, 4], 3.0 * second * per_jerk)
+        share[p, r, 5] = max(share[p, r, 5], third * per_jerk)
 
 
 @inner
@@ -108,7 +143,13 @@ def _cap(share: Floats, rows: int) -> float:
     bend, twist = 0.0, 0.0
     for r in range(rows):
         bend, twist = max(bend, share[r, 3]), max(twist, share[r, 5])
-    top: float = 1.0 / (share[0, 0] * share[0, 0])
+    return _top(share[0, 0], bend, twist)
+
+
+@inner
+def _top(slow: float, bend: float, twist: float) -> float:
+    """Return the largest square of the speed by the shares of v, of its square and of its cube."""
+    top: float = 1.0 / (slow * slow)
     if bend * top > BEND_SHARE:
         top = BEND_SHARE / bend
     if twist * top * math.sqrt(top) > TWIST_SHARE:
@@ -223,29 +264,53 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
     ``square`` is that of the speed at the start.
     """
     m, rows = path.length.size, limits.velocity.size
-    share = np.empty((m + m // 2 + 64, rows, 6))  # of whole elements first
-    cap, ramp = np.zeros(m), np.zeros(m)
+    pace = Pace(np.empty(m), np.empty(m), np.empty(m + 1), np.empty(m), np.empty(m, np.bool_))
+    delay = _rough(path, limits, square, pace)
+    size = m + 2 * PARTS
+    element, offset, length = np.empty(size, np.int64), np.empty(size), np.empty(size)
+    cut = np.empty(PARTS)
+    n, used, e = _group(path, pace, delay, cut, element, offset, length, 0, 0, 0)
+    while e < m:
+        size *= 2
+        old = element, offset, length
+        element, offset, length = np.empty(size, np.int64), np.empty(size), np.empty(size)
+        for c in range(n):  # a loop, as assigning slices takes seconds to compile
+            element[c], offset[c], length[c] = old[0][c], old[1][c], old[2][c]
+        n, used, e = _group(path, pace, delay, cut, element, offset, length, n, used, e)
+    rest, row = np.empty(n, np.bool_), np.empty(n, np.int64)
+    share, matter = np.empty((used, rows, 6)), np.empty(used, np.int64)
+    found = Cells(element[:n], offset[:n], length[:n], rest, row, share, matter)
+    _finish(path, pace.bent, limits, found)
+    return found
+
+
+@inner
+def _rough(path: Elements, limits: Limits, square: float, pace: Pace) -> float:
+    """Find the second-order speeds, roughly; return how long acceleration takes to build up."""
+    m, cap, ramp, speed, busy = path.length.size, pace.cap, pace.ramp, pace.speed, pace.busy
     delay = 0.0
-    for r in range(rows):
+    for r in range(limits.velocity.size):
         delay = max(delay, limits.acceleration[r] / limits.jerk[r])
-    # second-order speeds at the ends of elements, roughly
-    speed = np.zeros(m + 1)
-    speed[0] = square
     for e in range(m):
-        _clear(share[e])
-        if path.length[e] == 0.0:
+        end = path.length[e]
+        cap[e], ramp[e], speed[e] = 0.0, 0.0, square if e == 0 else 0.0
+        pace.bent[e] = _is_bent(path, e)
+        if end == 0.0:
             continue
-        _bound(path, limits, e, 0.0, path.length[e], share[e])
-        cap[e] = _cap(share[e], rows)
-        steepest = 0.0
-        for r in range(rows):
-            steepest = max(steepest, share[e, r, 1])
-        ramp[e] = 1.0 / steepest
+        arc = _arc(path, e, 0.0, end)
+        slow, steep, bend, twist = 1.0 / path.feed[e], 0.0, 0.0, 0.0
+        for r in range(limits.velocity.size):
+            first, second, third = _sizes(path, limits, e, r, 0.0, end, arc)
+            slow = max(slow, first / limits.velocity[r])
+            steep = max(steep, first * limits.per_acceleration[r])
+            bend = max(bend, second * limits.per_acceleration[r])
+            twist = max(twist, third * limits.per_jerk[r])
+        cap[e], ramp[e] = _top(slow, bend, twist), 1.0 / steep
         if e > 0 and not path.rest[e - 1]:
             speed[e] = min(
                 cap[e - 1], cap[e], speed[e - 1] + 2.0 * ramp[e - 1] * path.length[e - 1]
             )
-    busy = np.empty(m)  # distance to elements where the speed changes; -1 for these
+    speed[m] = 0.0
     near = math.inf
     for e in range(m - 1, -1, -1):
         speed[e] = min(speed[e], speed[e + 1] + 2.0 * ramp[e] * path.length[e])
@@ -261,100 +326,94 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
         else:
             busy[e] = min(busy[e], near)
             near += path.length[e]
-
-    size = m + 1024
-    element, offset, length = np.empty(size, np.int64), np.empty(size), np.empty(size)
-    cut = np.empty(PARTS)
-    n, e = 0, 0
-    while e < m:
-        count, parts = 1, 1
-        if path.length[e] > 0.0:
-            total, top, low = path.length[e], cap[e], min(speed[e], speed[e + 1])
-            quick = GROUP * delay
-            starts, ends = e == 0 or path.rest[e - 1], path.rest[e]
-            steady = busy[e] >= SPREAD * delay * path.feed[e]  # at the programmed feed
-            while e + count < m and not starts and not path.rest[e + count - 1]:
-                j = e + count
-                if path.rest[j]:  # the first and the last element of a run stay by themselves
-                    break
-                if (
-                    steady
-                    and busy[j] >= SPREAD * delay * path.feed[j]
-                    and path.feed[j] == path.feed[e]
-                ):
-                    total += path.length[j]
-                    count += 1
-                    continue
-                slow, fast = min(low, speed[j + 1]), min(top, cap[j])
-                if total + path.length[j] > quick * math.sqrt(max(slow, 0.05 * fast)):
-                    break
-                low, top = slow, fast
-                total += path.length[j]
-                count += 1
-            straight = not _is_bent(path, e)
-            if count == 1 and (straight or busy[e] < SPREAD * delay * math.sqrt(top)):
-                widest = WIDEST / path.omega[e] if path.omega[e] > 0.0 else math.inf
-                peak = min(0.5 * (speed[e] + speed[e + 1]) + ramp[e] * total, top)
-                parts = _cut(
-                    *(total, speed[e], speed[e + 1], peak, ramp[e], delay, widest, peak == top),
-                    straight,
-                    cut,
-                )
-                if parts == 1 and starts and ends:
-                    parts, cut[1], cut[2] = 2, 0.5 * total, total
-        else:
-            total = 0.0
-        if n + parts > size:
-            size = 2 * (n + parts)
-            old = element, offset, length
-            element, offset, length = np.empty(size, np.int64), np.empty(size), np.empty(size)
-            for c in range(n):  # a loop, as assigning slices takes seconds to compile
-                element[c], offset[c], length[c] = old[0][c], old[1][c], old[2][c]
-        if parts == 1:
-            element[n], offset[n], length[n] = e, 0.0, total
-            n += 1
-        else:
-            for i in range(parts):
-                element[n], offset[n], length[n] = e, cut[i], cut[i + 1] - cut[i]
-                n += 1
-        e += count
-    rest, row = np.zeros(n, np.bool_), np.empty(n, np.int64)
-    used = m
-    for c in range(n):
-        e = element[c]
-        after = element[c + 1] if c + 1 < n else m
-        row[c] = e
-        if path.length[e] == 0.0:
-            rest[c] = True
-            continue
-        rest[c] = after > e and path.rest[after - 1]
-        if after <= e + 1 and (length[c] == path.length[e] or not _is_bent(path, e)):
-            continue
-        if used == share.shape[0]:
-            more = np.empty((2 * used, rows, 6))
-            for p in range(used):
-                for r in range(rows):
-                    for k in range(6):
-                        more[p, r, k] = share[p, r, k]
-            share = more
-        row[c] = used
-        _clear(share[used])
-        if after <= e + 1:
-            _bound(path, limits, e, offset[c], offset[c] + length[c], share[used])
-        else:
-            for j in range(e, after):
-                for r in range(rows):
-                    for k in range(6):
-                        share[used, r, k] = max(share[used, r, k], share[j, r, k])
-        used += 1
-    matter = np.zeros(used, np.int64)
-    for c in range(n):
-        if c == 0 or row[c] != row[c - 1]:
-            matter[row[c]] = _compacted(share[row[c]])
-    return Cells(element[:n], offset[:n], length[:n], rest, row, share[:used], matter)
+    return delay
 
 
 @inner
+def _group(
+    path: Elements,
+    pace: Pace,
+    delay: float,
+    cut: Floats,
+    element: Ints,
+    offset: Floats,
+    length: Floats,
+    n: int,
+    used: int,
+    e: int,
+) -> tuple[int, int, int]:
+    """Choose cells from element ``e`` on, after ``n`` others, as long as there is room for them.
+
+    Each is one of several elements, or one of a few of one element. The new ``n`` is returned, how
+    many rows of shares they need, and the next element.
+    """
+    m, cap, ramp, speed, busy = path.length.size, pace.cap, pace.ramp, pace.speed, pace.busy
+    quick = GROUP * delay
+    while e < m and n + PARTS <= element.size:
+        total, top, low = path.length[e], cap[e], min(speed[e], speed[e + 1])
+        starts, ends, straight = e == 0 or path.rest[e - 1], path.rest[e], not pace.bent[e]
+        steady = busy[e] >= SPREAD * delay * path.feed[e]  # at the programmed feed
+        count, parts = 1, 1
+        while total > 0.0 and e + count < m and not starts and not path.rest[e + count - 1]:
+            j = e + count
+            if path.rest[j]:  # the first and the last element of a run stay by themselves
+                break
+            if steady and busy[j] >= SPREAD * delay * path.feed[j] and path.feed[j] == path.feed[e]:
+                total += path.length[j]
+                count += 1
+                continue
+            slow, fast = min(low, speed[j + 1]), min(top, cap[j])
+            if total + path.length[j] > quick * math.sqrt(max(slow, 0.05 * fast)):
+                break
+            low, top = slow, fast
+            total += path.length[j]
+            count += 1
+        cut[0], cut[1] = 0.0, total
+        easy = straight or busy[e] < SPREAD * delay * math.sqrt(top)
+        if total > 0.0 and count == 1 and easy:
+            widest = WIDEST / path.omega[e] if path.omega[e] > 0.0 else math.inf
+            peak = min(0.5 * (speed[e] + speed[e + 1]) + ramp[e] * total, top)
+            parts = _cut(
+                *(total, speed[e], speed[e + 1], peak, ramp[e], delay, widest, peak == top),
+                straight,
+                cut,
+            )
+            if parts == 1 and starts and ends:
+                parts, cut[1], cut[2] = 2, 0.5 * total, total
+        for i in range(parts):
+            element[n], offset[n], length[n] = e, cut[i], cut[i + 1] - cut[i]
+            n += 1
+        used += 1 if straight else parts
+        e += count
+    return n, used, e
+
+
+@inner
+def _finish(path: Elements, bent: Flags, limits: Limits, cells: Cells) -> None:
+    """Find where cells end at rest, their shares, and how many rows of these matter."""
+    n, p = cells.size.size, -1
+    for c in range(n):
+        e = cells.element[c]
+        after = cells.element[c + 1] if c + 1 < n else path.length.size
+        cells.rest[c] = path.length[e] == 0.0 or (after > e and path.rest[after - 1])
+        if c > 0 and cells.element[c - 1] == e and not bent[e]:
+            cells.row[c] = p
+            continue
+        p += 1
+        cells.row[c] = p
+        for r in range(cells.share.shape[1]):
+            for k in range(6):
+                cells.share[p, r, k] = 0.0
+        for j in range(e, max(after, e + 1)):
+            begin, end = 0.0, path.length[j]
+            if after <= e + 1 and bent[e]:
+                begin, end = cells.offset[c], cells.offset[c] + cells.size[c]
+            if end > 0.0:
+                _bound(path, limits, j, begin, end, cells.share, p)
+        cells.rows[p] = _compacted(cells.share, p)
+
+
+@inlined
 def _is_bent(path: Elements, e: int) -> bool:
     """Return whether element ``e`` is not a line."""
     bent: bool = path.omega[e] != 0.0
@@ -363,32 +422,24 @@ def _is_bent(path: Elements, e: int) -> bool:
     return bent
 
 
-@inner
-def _clear(share: Floats) -> None:
-    """Put 0 into the shares (r, 6) of a cell."""
-    for r in range(share.shape[0]):
-        for k in range(6):
-            share[r, k] = 0.0
-
-
-@inner
-def _compacted(share: Floats) -> int:
-    """Put the rows that matter first, and return how many: where the path is straight, one."""
-    rows: int = share.shape[0]
+@inlined
+def _compacted(share: Floats, p: int) -> int:
+    """Put the rows of ``share[p]`` that matter first; return how many: one on a straight path."""
+    rows: int = share.shape[1]
     n = 0
     for r in range(rows):
-        if share[r, 3] > 0.0 or share[r, 5] > 0.0:
+        if share[p, r, 3] > 0.0 or share[p, r, 5] > 0.0:
             n = rows
     if n == 0:
         for r in range(1, rows):
-            share[0, 1] = max(share[0, 1], share[r, 1])
-            share[0, 2] = max(share[0, 2], share[r, 2])
+            share[p, 0, 1] = max(share[p, 0, 1], share[p, r, 1])
+            share[p, 0, 2] = max(share[p, 0, 2], share[p, r, 2])
         return 1
     n = 0
     for r in range(rows):
-        if share[r, 1] > 0.0:
+        if share[p, r, 1] > 0.0:
             for k in range(1, 6):
-                share[n, k] = share[r, k]
+                share[p, n, k] = share[p, r, k]
             n += 1
     return n
 
@@ -1165,14 +1216,15 @@ def law(
     """
     n, m = size.size, path.length.size
     most = 2 * n + m + 1
-    element, start = np.empty(most, np.int32), np.zeros(most + 1)
-    piece = np.zeros((most, 4))
+    element, start, piece = np.empty(most, np.int32), np.empty(most + 1), np.empty((most, 4))
+    start[0] = 0.0
     k, time, lost = 0, 0.0, 0.0  # compensated sum: errors do not grow
     for c in range(n):
         e, s = at[c], offset[c]
         if size[c] == 0.0:
             time += path.dwell[e]
             element[k], start[k + 1] = e, time
+            piece[k, 0] = piece[k, 1] = piece[k, 2] = piece[k, 3] = 0.0
             k += 1
             continue
         after = at[c + 1] if c + 1 < n else m

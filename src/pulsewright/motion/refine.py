@@ -201,22 +201,21 @@ def _prepare(
             k += 1
         x[SIGNED], x[PARTS], x[ROWS] = 0.0, 1.0, k
         return
-    for r in range(limits.rows.shape[0]):
+    for r in range(limits.velocity.size):
         d1, d2, d3 = 0.0, 0.0, 0.0
-        for axis in range(6):
+        for axis in range(limits.begin[r], limits.end[r]):
             part = limits.rows[r, axis]
-            if part != 0.0:
-                p2, p3 = part * path.poly[e, 2, axis], part * path.poly[e, 3, axis]
-                d1 += part * path.poly[e, 1, axis] + (2.0 * p2 + 3.0 * p3 * begin) * begin
-                d2 += 2.0 * p2 + 6.0 * p3 * begin
-                d3 += 6.0 * p3
+            p2, p3 = part * path.poly[e, 2, axis], part * path.poly[e, 3, axis]
+            d1 += part * path.poly[e, 1, axis] + (2.0 * p2 + 3.0 * p3 * begin) * begin
+            d2 += 2.0 * p2 + 6.0 * p3 * begin
+            d3 += 6.0 * p3
         if d1 == 0.0 and d2 == 0.0 and d3 == 0.0:
             continue
-        bend, scale = max(abs(d2), abs(d2 + d3 * size)), 1.0 / limits.jerk[r]
+        bend, scale = max(abs(d2), abs(d2 + d3 * size)), limits.per_jerk[r]
         turn = max(turn, bend * size)
         terms[k, 0], terms[k, 1], terms[k, 2] = d1 * scale, d2 * scale, d3 * scale
         terms[k, 3], terms[k, 4] = bend * scale, abs(d3) * scale
-        terms[k, 5] = limits.jerk[r] / limits.acceleration[r]
+        terms[k, 5] = limits.jerk[r] * limits.per_acceleration[r]
         k += 1
     x[SIGNED], x[PARTS], x[ROWS] = 1.0, 1.0 + min(math.floor(turn / TURN), PLACES - 1.0), k
 

@@ -255,27 +255,27 @@ class Planner:
     def _look(self, sure: int) -> None:
         """Make the elements of the window, from move ``sure`` on; those that stay as they are."""
         from pulsewright.motion import path
-        from pulsewright.motion.plan import window
+        from pulsewright.motion.plan import blended
 
         moves = self._moves
-        found = None if moves is None else window(moves, self._machine)
-        if moves is None or found is None:
+        if moves is None:
             return
-        segments, limits, kept = found
-        last = len(segments.move) - 1
+        x, limits, kept, ends = blended(moves, self._machine)
+        if not len(kept):
+            return
+        last = len(ends) - 1
         if not self._all_seen:
             known = kept[-UNSURE] if len(kept) >= UNSURE else -1
-            last = int(np.searchsorted(segments.move, known)) - 1 - RUNS
+            last = int(np.searchsorted(ends, known)) - 1 - RUNS
             if last < 0:
                 return
-        x = path.elements(segments, *path.blends(segments, limits))
         first = int(np.searchsorted(x.move, sure - self._first))
-        final = int(np.searchsorted(x.move, segments.move[last], "right"))
+        final = int(np.searchsorted(x.move, ends[last], "right"))
         if first < final:
             columns: Any = (column[first:final].copy() for column in x)
             x = path.Elements(*columns)
             self._along = Along(x, limits, moves.pitch[x.move] == 0)
-            self._ends = segments.move + self._first
+            self._ends = ends + self._first
 
 
 def planned(chunks: Iterable[Moves], machine: Machine) -> Iterator[Part]:

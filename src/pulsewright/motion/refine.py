@@ -465,11 +465,13 @@ def _cell(
             else:  # magnitudes are those of the worst signs
                 way_a, way_j = math.copysign(1.0, now), math.copysign(1.0, j)
             scale = fast * compared
-            if scale < SLOW:
+            slow = scale < SLOW
+            if slow:
                 scale = 1.0
             near_a, near_j, close = limit_a - NEAR, limit_j - NEAR * scale, 1.0 / (NEAR * scale)
-            known = False  # derivatives of what is there: speed, acceleration and jerk
+            known = False  # derivatives of what is there: speed, acceleration, jerk, and the place
             v_0 = v_1 = v_2 = v_3 = a_0 = a_1 = a_2 = a_3 = j_0 = j_1 = j_2 = j_3 = 0.0
+            s_0 = s_1 = s_2 = s_3 = 0.0
             for r in range(rows):
                 d1, d2, d3, ratio = terms[r, 0], terms[r, 1], terms[r, 2], terms[r, 5]
                 if signed:
@@ -497,7 +499,13 @@ def _cell(
                     if not known:
                         known = True
                         y, u = span * z * (1.0 - 0.5 * z), 0.5 * span * z * z
+                        f = (v + span * z * (a + z * (1 / 3) * (e - a))) * z
+                        g, h = (0.5 - z * (1 / 6)) * (span * z), (1 / 6) * span * z * z
+                        g, h = g * (span * z), h * (span * z)
                         if piece == 0:
+                            f *= s
+                            s_0, s_1 = span * z * k0 + f * t00 + h * m0, f * t01 + h * m1 + g
+                            s_2, s_3 = f * t02 + h * m2, f * t03 + h * m3
                             h, d = s * gain, -s * j0
                             v_0, v_1 = k0 + h * t00 + u * m0, h * t01 + u * m1 + y
                             v_2, v_3 = h * t02 + u * m2, h * t03 + u * m3
@@ -505,6 +513,12 @@ def _cell(
                             j_0, j_1 = (m0 + d * t00) / t0, (m1 - 1.0 + d * t01) / t0
                             j_2, j_3 = (m2 + d * t02) / t0, (m3 + d * t03) / t0
                         else:
+                            f = f * q + s * (v0 + t0 * (a0 * (2 / 3) + am * (1 / 3)))
+                            g += (1 / 6) * t0 * t0
+                            s_0 = span * z * u0 + t0 * k0 + f * t00 + g * m0
+                            s_1 = span * z * u1 + (1 / 3) * t0 * t0 + f * t01 + g * m1
+                            s_2 = span * z * u2 + f * t02 + g * m2
+                            s_3 = span * z * u3 + f * t03 + g * m3 + h
                             h, d = q * gain, -q * j1
                             v_0, v_1 = u0 + h * t00 + y * m0, u1 + h * t01 + y * m1
                             v_2, v_3 = u2 + h * t02 + y * m2, u3 + h * t03 + y * m3 + u
@@ -515,18 +529,22 @@ def _cell(
                     if which == 0:
                         y = math.copysign(ratio / NEAR, -f_a)
                         of_v, of_a, of_j = 2.0 * y * d2 * fast, y * way_a * d1, 0.0
+                        of_s = y * (d3 * square + d2 * now)
                     else:
                         y = math.copysign(close, -f_j)
                         of_v = 3.0 * y * (way_a * d2 * now + d3 * square)
-                        if scale != 1.0:
+                        if not slow:
                             of_v -= room / fast
                         of_a, of_j = 3.0 * y * way_a * d2 * fast, y * way_j * d1
+                        of_s = y * (d2 * j + 3.0 * d3 * fast * now)
+                    if not signed:
+                        of_s = 0.0
                     _add(
                         *(x, weight * first, weight * second),
-                        of_v * v_0 + of_a * a_0 + of_j * j_0,
-                        of_v * v_1 + of_a * a_1 + of_j * j_1,
-                        of_v * v_2 + of_a * a_2 + of_j * j_2,
-                        of_v * v_3 + of_a * a_3 + of_j * j_3,
+                        of_v * v_0 + of_a * a_0 + of_j * j_0 + of_s * s_0,
+                        of_v * v_1 + of_a * a_1 + of_j * j_1 + of_s * s_1,
+                        of_v * v_2 + of_a * a_2 + of_j * j_2 + of_s * s_2,
+                        of_v * v_3 + of_a * a_3 + of_j * j_3 + of_s * s_3,
                     )
     value -= weight * math.log(product)
     if not signed:  # all terms are at their worst together

@@ -15,7 +15,7 @@ from pulsewright.motion.gcode import interpret_text
 from pulsewright.motion.path import Elements, Limits
 
 SPEED, ACCELERATION, JERK = (np.array(x) for x in ([90.0, 80], [2000.0, 3000], [3e5, 2e5]))
-BEGIN, SIZE, SPLIT = 0.05, 0.2, 0.45  # of the cell on its element, and of its two pieces
+BEGIN, SIZE, SPLIT = 0.05, 0.25, 0.45  # of the cell on its element, and of its two pieces
 
 
 def element(seed):
@@ -24,8 +24,8 @@ def element(seed):
     angle = random.uniform(0, 2 * math.pi)
     poly = np.zeros((1, 4, 6))
     poly[0, 1, :2] = math.cos(angle), math.sin(angle)
-    poly[0, 2, :2] = random.normal(0, 0.8, 2)
-    poly[0, 3, :2] = random.normal(0, 0.8, 2)
+    poly[0, 2, :2] = random.normal(0, 1.2, 2)
+    poly[0, 3, :2] = random.normal(0, 1.2, 2)
     return poly
 
 
@@ -38,12 +38,23 @@ def states(seed):
 
 @compiled(error_model="numpy")
 def cell_of(
-    path: Elements, limits: Limits, cells: Cells, split, b, a, near_b, near_a, weight: float
+    path: Elements,
+    limits: Limits,
+    cells: Cells,
+    split,
+    b,
+    a,
+    near_b,
+    near_a,
+    weight: float,
+    parts: int,
 ) -> tuple:
     """Return what a cell finds: its columns, and its value with states near by."""
     w = refine.window_of(limits.velocity.size)
     cell, terms = w.cell[0], w.terms[0]
     refine._prepare(cell, terms, path, limits, cells, split, 0)
+    if parts > 0:
+        cell[refine.PARTS] = parts
     refine._cell(cell, terms, b[0], a[0], b[1], a[1], weight, True)
     found = cell.copy()
     return found, refine._cell(
@@ -51,7 +62,7 @@ def cell_of(
     )
 
 
-def found(poly, b, a, near_b, near_a, weight=0.0):
+def found(poly, b, a, near_b, near_a, *, weight=0.0, parts=0):
     """Return the same for a part of a cubic."""
     zero, one = np.zeros(1), np.ones(1)
     path = Elements(
@@ -68,7 +79,7 @@ def found(poly, b, a, near_b, near_a, weight=0.0):
         *(np.zeros(1, np.int64), np.array([BEGIN]), np.array([SIZE]), np.ones(1, np.bool_)),
         *(np.zeros(1, np.int64), whole.share[whole.row[:1]], np.array([2])),
     )
-    return cell_of(path, limits, cells, np.array([SPLIT]), b, a, near_b, near_a, weight)
+    return cell_of(path, limits, cells, np.array([SPLIT]), b, a, near_b, near_a, weight, parts)
 
 
 def sampled(poly, v0, v1, a0, a1):
@@ -115,7 +126,26 @@ def test_no_limit_is_used_more_than_a_cell_says(seed):
     assert value == pytest.approx(time, rel=1e-9)
     worst = max(acceleration, jerk)
     assert worst <= cell[refine.USED] * (1 + 1e-9)
-    assert cell[refine.USED] <= 1.3 * worst  # about what is used, not any bound
+    assert cell[refine.USED] <= 1.6 * worst  # about what is used, not any bound
+
+
+@pytest.mark.parametrize("seed", range(0, 400, 40))
+def test_between_places_there_may_be_more(seed):
+    """Where the law is known at three times only, what is added has to be enough."""
+    added = 0
+    for k in range(seed, seed + 40):
+        poly, (v0, v1, a0, a1) = element(k), states(k)
+        if k % 2:  # from a low speed on, with next to no jerk
+            v0 *= 0.2
+            a0 = a1 = (v1**2 - v0**2) / (2 * SIZE) + a0 / 50
+        elif k % 4:
+            poly[0, 3] = 0.0
+        _, *worst = sampled(poly, v0, v1, a0, a1)
+        b, a = np.array([v0, v1]) ** 2, np.array([a0, a1])
+        cell, _ = found(poly, b, a, b, a, parts=1)
+        assert max(worst) <= cell[refine.USED] * (1 + 1e-9)
+        added += cell[refine.USED] - cell[refine.FREE + 2] < max(worst)
+    assert added > 0
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -127,7 +157,7 @@ def test_derivatives_of_a_cell_are_those_of_its_value(seed):
         for way in (-1, 1):
             near_b, near_a = b.copy(), a.copy()
             (near_b if k % 2 == 0 else near_a)[k // 2] += way * step
-            cell, value = found(poly, b, a, near_b, near_a, weight)
+            cell, value = found(poly, b, a, near_b, near_a, weight=weight)
             values.append(value)
         slope = (values[1] - values[0]) / (2 * step)
         assert cell[refine.SLOPE + k] == pytest.approx(slope, rel=1e-3, abs=1e-9)

@@ -21,7 +21,7 @@ import numpy as np
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-FEW: Final = 400  # moves that Python is done with before compiled kernels would be loaded
+FEW: Final = 100  # moves that Python is done with before compiled kernels would be loaded
 
 watchers: Final[list[Callable[[str], None]]] = []  # told of modules whose kernels are needed
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -539,13 +538,3 @@ def test_limits_may_be_along_combinations_of_axes():
     assert along.rows.tolist() == [[1, 1, 0, 0, 0, 0]]  # Z does not move
     share = plan_kernels.cells(elements, along, 0.0).share
     assert share[0, 0, :3] == pytest.approx(math.sqrt(2) / np.array([2, 30, 400]))
-
-
-def test_a_path_that_is_made_again_gives_the_same_plan(monkeypatch):
-    steps = [((50, 0), 50), ((50, 50), 40), 0.5, ((0, 50), None), ((0, 0), 30, ((0, 25), math.pi))]
-    moves = program(steps, tolerance=0.1)
-    kept = plan(moves, MACHINE)
-    monkeypatch.setattr(importlib.import_module("pulsewright.motion.plan"), "LONG", 0)
-    again = plan(moves, MACHINE)
-    for column in fields(kept):
-        assert np.array_equal(getattr(kept, column.name), getattr(again, column.name))

@@ -82,10 +82,11 @@ def _program() -> Program:
 
 def _plan() -> None:
     """Plan the speeds on a line, and certify them."""
+    from pulsewright.motion.cell_law import Cells
     from pulsewright.motion.certificate import certify
     from pulsewright.motion.machine import Machine
-    from pulsewright.motion.path import Elements
-    from pulsewright.motion.plan_kernels import Cells, law, speeds
+    from pulsewright.motion.path import Elements, Limits
+    from pulsewright.motion.plan_kernels import law, speeds
 
     t = _by_hand()
     line = Elements(
@@ -103,7 +104,11 @@ def _plan() -> None:
         share=np.full((1, 1, 6), 0.01),
         rows=np.ones(1, np.int64),
     )
-    b, a, split, _ = speeds(cells, 0.0, 0.0)
+    one = np.ones(1)
+    limits = Limits(
+        np.eye(1, 6), np.zeros(1, np.int64), np.ones(1, np.int64), one, one, one, one, one
+    )
+    b, a, split, _ = speeds(line, limits, cells, 0.0, 0.0)
     pieces = law(line, cells.element, cells.offset, cells.size, b, a, split)
     certify(t.timed(*pieces), _program().moves, Machine.default())
 

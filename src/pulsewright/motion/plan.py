@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Certificate", "begin_times", "certify", "plan"]
 
-LONG = 100_000  # moves whose path is not kept while speeds are planned, but made again: quickly
-
 
 def plan(moves: Moves, machine: Machine) -> Trajectory:
     """Plan the fastest motion along ``moves`` within feeds, limits and tolerances.
@@ -57,12 +55,8 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     with uncompiled(len(moves)):
         elements, limits = blended_path(moves, machine)
         grid = plan_kernels.cells(elements, limits, 0.0)
-        kept = None if len(moves) > LONG else elements
-        del elements
-        b, a, split, _ = plan_kernels.speeds(grid, 0.0, 0.0)
+        b, a, split, _ = plan_kernels.speeds(elements, limits, grid, 0.0, 0.0)
         cells = grid.element, grid.offset, grid.size
-        del grid
-        elements = kept or blended_path(moves, machine)[0]
         return Trajectory(*elements[:6], *plan_kernels.law(elements, *cells, b, a, split))
 
 

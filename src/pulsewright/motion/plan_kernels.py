@@ -29,7 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.compiled import compiled, inlined, inner
+from pulsewright.motion.cell_law import ROUNDING, Cells, keeps_limits, limits_used, two_pieces
 from pulsewright.motion.path import Elements, Flags, Floats, Ints, Limits, _peaks
+from pulsewright.motion.refine import refine, window_of
 
 BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
 TWIST_SHARE = 0.9  # of the jerk, for bending at constant speed
@@ -50,14 +52,8 @@ PATIENCE = 9  # rounds before the speed is made steady there
 REPAIRS = 24  # rounds of tightening the limits where the law breaks them
 FLAT = 0.03  # of the change of acceleration that is possible on a cell: as good as none
 TANGENT_SHARE = 0.25  # where a rounded peak ends: its part of a difference in slope
-ROUNDING = 1e-8  # of the limits
 SPLITS = (0.35, 0.65, 0.2, 0.8)  # where the two pieces of a cell may meet, besides its middle
 BRIDGES = (1, 2, 3, 5)  # cells on both sides of a broken one that change with it
-WORTH = 0.01  # of a run's time, lost to the jerk: then it is worth to raise speeds
-GAIN = 0.03  # the same of some cells
-WIDE = 16  # cells whose speeds are raised together, at most; and half as many, and so on
-RAISE = 0.015  # of the squares of speeds, in the middle of these cells, at least
-NEVER = 1.08  # of the second-order optimum: squares of speeds are lower
 LINE_SHARE = 0.999  # of the acceleration on lines
 LEAST_PIECE = 1e-5  # of the longest one on a line: what is shorter is left out
 LINE_JERK = 0.9999  # of the jerk on lines
@@ -66,18 +62,6 @@ PARTS = 4096  # cells of one element at most
 
 
 _Arc: TypeAlias = tuple[float, float, float, float]
-
-
-class Cells(NamedTuple):
-    """Stretches of the path with common bounds."""
-
-    element: Ints  # (n,) the first element
-    offset: Floats  # (n,) where on it the cell begins
-    size: Floats  # (n,); 0 for a rest
-    rest: Flags  # (n,) whether the machine rests at the end
-    row: Ints  # (n,) of ``share``: cells of one line have the same
-    share: Floats  # (p, r, 6); that of ``v`` is in the first row, also for the feed
-    rows: Ints  # (p,) how many rows of it matter: they come first
 
 
 class Pace(NamedTuple):
@@ -627,93 +611,17 @@ class Task(NamedTuple):
     work: Floats  # (9, n + 1) scratch
 
 
-@inner
-def _pieces(
-    v0: float, v1: float, a0: float, a1: float, size: float, split: float
-) -> tuple[float, float, float]:
-    """Return the time of a cell, and acceleration and speed where its two pieces meet.
-
-    The first of them, each of constant jerk, lasts ``split`` of that time. The time is negative if
-    there is no solution.
-    """
-    rest = 1.0 - split
-    mean = split * a0 + rest * a1
-    linear = (v0 * (1.0 + split) + v1 * (1.0 + rest)) * (1 / 3)
-    bend = (2.0 * (split * split * a0 - rest * rest * a1) - (split - rest) * mean) * (1 / 6)
-    square = linear * linear + 4.0 * bend * size
-    if square <= 0.0:
-        return -1.0, 0.0, 0.0
-    time = 2.0 * size / (linear + math.sqrt(square))
-    middle = 2.0 * (v1 - v0) / time - mean
-    return time, middle, v0 + 0.5 * split * time * (a0 + middle)
-
-
-@inner
-def _used(
-    cells: Cells, c: int, v0: float, v1: float, a0: float, a1: float, split: float
-) -> tuple[float, float, float, float]:
-    """Return the time of cell ``c``, and the used shares of velocity, acceleration and jerk."""
-    row = cells.row[c]
-    return _use(cells.share, row, cells.rows[row], cells.size[c], v0, v1, a0, a1, split)
-
-
-@inner
-def _use(
-    share: Floats,
-    row: int,
-    rows: int,
-    size: float,
-    v0: float,
-    v1: float,
-    a0: float,
-    a1: float,
-    split: float,
-) -> tuple[float, float, float, float]:
-    """Return the time of a cell, and the used shares of velocity, acceleration and jerk.
-
-    Arguments are few, as this is called most.
-    """
-    time, am, vm = _pieces(v0, v1, a0, a1, size, split)
-    if time < 0.0:
-        return time, 1.0, 1.0, 8.0
-    top, low = max(v0, v1, vm), vm
-    if a0 * am < 0.0:  # an extreme inside the first piece
-        inside = v0 + 0.5 * a0 * split * time * a0 / (a0 - am)
-        top, low = max(top, inside), min(low, inside)
-    if am * a1 < 0.0:
-        inside = vm + 0.5 * am * (1.0 - split) * time * am / (am - a1)
-        top, low = max(top, inside), min(low, inside)
-    if low < 0.0:  # back and forth
-        return -1.0, 1.0, 1.0, 8.0
-    rate = max(abs(a0), abs(a1), abs(am))
-    most = max(abs(am - a0) * (1.0 - split), abs(a1 - am) * split)
-    j = most / (split * (1.0 - split) * time)
-    velocity, acceleration, jerk = share[row, 0, 0] * top, 0.0, 0.0
-    square, cube, mixed = top * top, top * top * top, top * rate
-    for r in range(rows):
-        acceleration = max(acceleration, share[row, r, 3] * square + share[row, r, 1] * rate)
-        used = share[row, r, 5] * cube + share[row, r, 4] * mixed + share[row, r, 2] * j
-        jerk = max(jerk, used)
-    return time, velocity, acceleration, jerk
-
-
-@inner
-def _holds(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> bool:
-    """Return whether the law of a cell keeps the limits."""
-    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
-    _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], split)
-    return max(v, s, j) <= 1.0 + ROUNDING
-
-
 @compiled(error_model="numpy")
-def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Floats, Ints]:
+def speeds(
+    path: Elements, limits: Limits, grid: Cells, square: float, slope: float
+) -> tuple[Floats, Floats, Floats, Ints]:
     """Return ``b`` and ``a`` at the nodes, (n + 1,), splits of cells, and what was repaired.
 
     From rest to rest: the second-order optimum, then what the jerk takes from it, see `_climb` and
     `_round_peaks`. Where the law of a cell breaks a limit, one law is led over more cells, see
     `_bridged`. If that does not help, limits are tightened there and the speeds around it are
     planned again; a run that does not come to an end is slowed down as a whole. At last, speeds are
-    raised where limits still hold then, see `_raise`: shares of the jerk were estimates. Cells of
+    raised where that saves enough, see `refine`: shares of the jerk were estimates. Cells of
     lines change their sizes, see `_line`.
 
     ``square`` and ``slope`` are b and a at the first node, 0 at rest. What begins in motion cannot
@@ -725,6 +633,8 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
         grid, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
         np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((9, n + 8)),
     )  # fmt: skip
+    window = window_of(limits.velocity.size)
+    best = task.work[5]
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
     for c in range(n):
@@ -771,7 +681,8 @@ def speeds(grid: Cells, square: float, slope: float) -> tuple[Floats, Floats, Fl
             if left > 0:
                 repaired[2] += 1
                 _slow_down(task, b, a, first, last)
-            _raise(task, b, a, first, last)
+            _best(task, best, b, first, last)
+            refine(window, path, limits, grid, task.split, best, b, a, first, last)
             _straight(task, b, a, first, last, LINE_JERK)
         first = last
     return b, a, task.split, repaired
@@ -792,7 +703,7 @@ def _check(
     count, cells, v0 = 0, task.cells, math.sqrt(b[first])
     for c in range(first, last):
         v1 = math.sqrt(b[c + 1])
-        _, v, s, j = _used(cells, c, v0, v1, a[c], a[c + 1], task.split[c])
+        _, v, s, j = limits_used(cells, c, v0, v1, a[c], a[c + 1], task.split[c])
         broken[c] = not max(v, s, j) <= 1.0 + ROUNDING
         v0 = v1
     for c in range(first, last):
@@ -811,7 +722,9 @@ def _check(
                 task.soft[near] *= 0.9
                 task.ease[near] = min(task.ease[near], max(0.95 * level / task.cap[near], 1e-3))
             continue
-        _, v, s, j = _used(cells, c, math.sqrt(b[c]), math.sqrt(b[c + 1]), a[c], a[c + 1], 0.5)
+        _, v, s, j = limits_used(
+            cells, c, math.sqrt(b[c]), math.sqrt(b[c + 1]), a[c], a[c + 1], 0.5
+        )
         for near in range(max(first, c - 1), min(last, c + 2)):
             if not j <= 1.0 + ROUNDING:
                 task.soft[near] *= max(0.6, 0.95 / j)
@@ -835,7 +748,7 @@ def _bridged(
     """Lead one law of two pieces over ever more cells around a broken one, until limits hold."""
     cells, size, split = task.cells, task.cells.size, task.split
     for share in SPLITS:
-        if _holds(cells, b, a, c, share):
+        if keeps_limits(cells, b, a, c, share):
             split[c], broken[c] = share, False
             return True
     keep, hold, part = task.work[0], task.work[1], task.work[2]
@@ -850,7 +763,7 @@ def _bridged(
             v0, v1 = math.sqrt(b[low]), math.sqrt(b[high])
             for way in range(3):
                 share = 0.5 + 0.2 * (way if way < 2 else -1)
-                time, middle, _ = _pieces(v0, v1, a[low], a[high], total, share)
+                time, middle, _ = two_pieces(v0, v1, a[low], a[high], total, share)
                 if time > 0.0 and _spread(task, b, a, low, high, time, middle, share):
                     for i in range(low, high):
                         broken[i] = False
@@ -895,7 +808,7 @@ def _spread(
         split[c] = 0.5
         if before < 0.0 < t:
             split[c] = min(max(-before / (t - before), 0.05), 0.95)
-        if not _holds(cells, b, a, c, split[c]):
+        if not keeps_limits(cells, b, a, c, split[c]):
             return False
     return True
 
@@ -915,7 +828,7 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         for c in range(first, last):
             task.split[c] = 0.5
             v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
-            time, v, s, j = _used(task.cells, c, v0, v1, a[c], a[c + 1], 0.5)
+            time, v, s, j = limits_used(task.cells, c, v0, v1, a[c], a[c + 1], 0.5)
             solved &= time > 0.0
             worst = max(worst, v, math.sqrt(s), j ** (1 / 3))
         if solved:
@@ -926,98 +839,12 @@ def _slow_down(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 
 
 @inner
-def _raise(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
-    """Raise speeds between two nodes where they are far below the second-order optimum."""
-    size, pace, best = task.cells.size, task.work[4], task.work[5]
-    passed, lost = task.work[2], task.work[3]  # until a node; lost is what the optimum would save
+def _best(task: Task, best: Floats, b: Floats, first: int, last: int) -> None:
+    """Put the second-order optimum from rest to rest into ``best``."""
     for c in range(first, last):
         task.ease[c] = 1.0
     best[first], best[last] = b[first], b[last]
     _envelope(task, best, first, last)
-    whole, less = 0.0, 0.0
-    for i in range(first + 1, last):
-        pace[i], best[i] = 1.0 / math.sqrt(b[i]), 1.0 / math.sqrt(best[i])
-        whole += size[i] * pace[i]
-        less += size[i] * best[i]
-    if not whole - less >= WORTH * whole:
-        return
-    place, span = task.work[0], task.work[1]
-    place[first], v0 = 0.0, math.sqrt(b[first])
-    for c in range(first, last):
-        v1 = math.sqrt(b[c + 1])
-        place[c + 1] = place[c] + size[c]
-        span[c] = _pieces(v0, v1, a[c], a[c + 1], size[c], task.split[c])[0]
-        v0 = v1
-    passed[first], lost[first], worst = 0.0, 0.0, first
-    width = WIDE
-    while width > 1:
-        for i in range(first + 1, last):
-            passed[i] = passed[i - 1] + size[i] * pace[i]
-            lost[i] = lost[i - 1] + size[i] * (pace[i] - best[i])
-        low = first
-        while low + 1 < last:
-            high = min(low + width, last)
-            if lost[high - 1] - lost[low] > GAIN * (passed[high - 1] - passed[low]):
-                worst = _raised(task, b, a, low, high, worst)
-            low += width // 2
-        width //= 2
-
-
-@inner
-def _raised(task: Task, b: Floats, a: Floats, low: int, high: int, worst: int) -> int:
-    """Raise ``b`` between two nodes by a smooth factor, if that saves time and keeps the limits.
-
-    The factor is 1 + share (1 - z^2)^3 for z from -1 to 1, so b, a and the jerk have no jump.
-    Cell ``worst`` is tried first if it is one of these. Return the one that broke a limit.
-    """
-    cells, split, place, span = task.cells, task.split, task.work[0], task.work[1]
-    pace, best = task.work[4], task.work[5]  # times over distance
-    speed, slope, took = task.work[6], task.work[7], task.work[8]
-    middle, wide = 0.5 * (place[high] + place[low]), 2.0 / (place[high] - place[low])
-    peak = low + (high - low) // 2
-    if not low <= worst < high:
-        worst = peak
-    share, rising = RAISE, True
-    while share >= RAISE:
-        holds = b[peak] * (1.0 + 0.8 * share) * best[peak] * best[peak] <= NEVER
-        there = 0.0
-        if holds:
-            z0, z1 = (place[worst] - middle) * wide, (place[worst + 1] - middle) * wide
-            b0, a0 = _bump(b[worst], a[worst], z0, wide, share)
-            b1, a1 = _bump(b[worst + 1], a[worst + 1], z1, wide, share)
-            there, v, s, j = _used(cells, worst, math.sqrt(b0), math.sqrt(b1), a0, a1, split[worst])
-            holds = max(v, s, j) <= 1.0 + ROUNDING
-        saved = 0.0
-        v0, a0, c = math.sqrt(b[low]), a[low], low
-        while holds and c < high:
-            b1, a1 = _bump(b[c + 1], a[c + 1], (place[c + 1] - middle) * wide, wide, share)
-            v1, time = math.sqrt(b1), there
-            if c != worst:
-                time, v, s, j = _used(cells, c, v0, v1, a0, a1, split[c])
-                if max(v, s, j) > 1.0 + ROUNDING:
-                    holds, worst = False, c
-            speed[c + 1], slope[c + 1], took[c] = v1, a1, time
-            saved += span[c] - time
-            v0, a0 = v1, a1
-            c += 1
-        if holds and saved > 0.0:
-            for i in range(low + 1, high):
-                b[i], a[i], pace[i] = speed[i] * speed[i], slope[i], 1.0 / speed[i]
-            for i in range(low, high):
-                span[i] = took[i]
-        else:
-            rising = False
-        share *= 2.0 if rising else 0.5
-    return worst
-
-
-@inner
-def _bump(b: float, a: float, z: float, wide: float, share: float) -> tuple[float, float]:
-    """Return raised values of ``b`` and ``a`` at a node."""
-    flat = max(1.0 - z * z, 0.0)
-    bump = share * flat * flat
-    factor = 1.0 + bump * flat
-    return b * factor, a * factor - 3.0 * z * bump * wide * b
 
 
 @inner
@@ -1326,7 +1153,7 @@ def _put(
     size[first + meet] = left
     fine = left > 0.0
     for c in range(first, last):
-        fine = fine and size[c] > 0.0 and _holds(task.cells, b, a, c, split[c])
+        fine = fine and size[c] > 0.0 and keeps_limits(task.cells, b, a, c, split[c])
     for q in range(k):
         c = first + q
         if not fine:
@@ -1403,7 +1230,7 @@ def law(
         after = at[c + 1] if c + 1 < n else m
         final = max(after - 1, e)  # the last element of the cell
         v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
-        whole, middle, vm = _pieces(v0, v1, a[c], a[c + 1], size[c], split[c])
+        whole, middle, vm = two_pieces(v0, v1, a[c], a[c + 1], size[c], split[c])
         for half in range(2):
             v, x = (v0, a[c]) if half == 0 else (vm, middle)
             end = middle if half == 0 else a[c + 1]

@@ -197,7 +197,9 @@ class Along:
         path.dwell[0] -= place.waited
         square = place.speed**2
         grid = plan_kernels.cells(path, self.limits, square)
-        b, a, split, repairs = plan_kernels.speeds(grid, square, place.acceleration)
+        b, a, split, repairs = plan_kernels.speeds(
+            path, self.limits, grid, square, place.acceleration
+        )
         if repairs[2] < 0:
             return None
         pieces = plan_kernels.law(path, grid.element, grid.offset, grid.size, b, a, split)

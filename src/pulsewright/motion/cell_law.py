@@ -1,0 +1,104 @@
+"""The time law of a cell: two pieces of constant jerk between the states at its ends."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pulsewright.compiled import inner
+from pulsewright.motion.path import Floats, Ints
+
+ROUNDING = 1e-8  # of the limits
+
+
+class Cells(NamedTuple):
+    """Stretches of the path with common bounds."""
+
+    element: Ints  # (n,) the first element
+    offset: Floats  # (n,) where on it the cell begins
+    size: Floats  # (n,); 0 for a rest
+    rest: NDArray[np.bool_]  # (n,) whether the machine rests at the end
+    row: Ints  # (n,) of ``share``: cells of one line have the same
+    share: Floats  # (p, r, 6); that of ``v`` is in the first row, also for the feed
+    rows: Ints  # (p,) how many rows of it matter: they come first
+
+
+@inner
+def two_pieces(
+    v0: float, v1: float, a0: float, a1: float, size: float, split: float
+) -> tuple[float, float, float]:
+    """Return the time of a cell, and acceleration and speed where its two pieces meet.
+
+    The first of them, each of constant jerk, lasts ``split`` of that time. The time is negative if
+    there is no solution.
+    """
+    rest = 1.0 - split
+    mean = split * a0 + rest * a1
+    linear = (v0 * (1.0 + split) + v1 * (1.0 + rest)) * (1 / 3)
+    bend = (2.0 * (split * split * a0 - rest * rest * a1) - (split - rest) * mean) * (1 / 6)
+    square = linear * linear + 4.0 * bend * size
+    if square <= 0.0:
+        return -1.0, 0.0, 0.0
+    time = 2.0 * size / (linear + math.sqrt(square))
+    middle = 2.0 * (v1 - v0) / time - mean
+    return time, middle, v0 + 0.5 * split * time * (a0 + middle)
+
+
+@inner
+def limits_used(
+    cells: Cells, c: int, v0: float, v1: float, a0: float, a1: float, split: float
+) -> tuple[float, float, float, float]:
+    """Return the time of cell ``c``, and the used shares of velocity, acceleration and jerk."""
+    row = cells.row[c]
+    return _use(cells.share, row, cells.rows[row], cells.size[c], v0, v1, a0, a1, split)
+
+
+@inner
+def _use(
+    share: Floats,
+    row: int,
+    rows: int,
+    size: float,
+    v0: float,
+    v1: float,
+    a0: float,
+    a1: float,
+    split: float,
+) -> tuple[float, float, float, float]:
+    """Return the time of a cell, and the used shares of velocity, acceleration and jerk.
+
+    Arguments are few, as this is called most.
+    """
+    time, am, vm = two_pieces(v0, v1, a0, a1, size, split)
+    if time < 0.0:
+        return time, 1.0, 1.0, 8.0
+    top, low = max(v0, v1, vm), vm
+    if a0 * am < 0.0:  # an extreme inside the first piece
+        inside = v0 + 0.5 * a0 * split * time * a0 / (a0 - am)
+        top, low = max(top, inside), min(low, inside)
+    if am * a1 < 0.0:
+        inside = vm + 0.5 * am * (1.0 - split) * time * am / (am - a1)
+        top, low = max(top, inside), min(low, inside)
+    if low < 0.0:  # back and forth
+        return -1.0, 1.0, 1.0, 8.0
+    rate = max(abs(a0), abs(a1), abs(am))
+    most = max(abs(am - a0) * (1.0 - split), abs(a1 - am) * split)
+    j = most / (split * (1.0 - split) * time)
+    velocity, acceleration, jerk = share[row, 0, 0] * top, 0.0, 0.0
+    square, cube, mixed = top * top, top * top * top, top * rate
+    for r in range(rows):
+        acceleration = max(acceleration, share[row, r, 3] * square + share[row, r, 1] * rate)
+        used = share[row, r, 5] * cube + share[row, r, 4] * mixed + share[row, r, 2] * j
+        jerk = max(jerk, used)
+    return time, velocity, acceleration, jerk
+
+
+@inner
+def keeps_limits(cells: Cells, b: Floats, a: Floats, c: int, split: float) -> bool:
+    """Return whether the law of a cell keeps the limits."""
+    v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
+    _, v, s, j = limits_used(cells, c, v0, v1, a[c], a[c + 1], split)
+    return max(v, s, j) <= 1.0 + ROUNDING

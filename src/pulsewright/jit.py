@@ -18,7 +18,6 @@ from typing import Any, Final
 import numba
 from numba import types
 from numba.core import event
-from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.runtime.nrt import rtsys
 
 _ROOT: Final = Path(__file__).parents[1]
@@ -65,51 +64,6 @@ class _Unhindered(event.Listener):
 
 
 event.register("numba:compile", _Unhindered())  # type: ignore[no-untyped-call]
-
-
-class _Unhurried(JITCodeLibrary):
-    """Code of a kernel, made for the machine when it is asked for.
-
-    What only kernels call becomes part of them before that: its own code for the machine would
-    never run, and making it takes a tenth of the time of compiling.
-    """
-
-    _waits = False
-
-    def _finalize_final_module(self) -> None:
-        if self._object_caching_enabled and self._compiled_object is None:
-            self._finalized = self._waits = True
-        else:
-            super()._finalize_final_module()  # type: ignore[no-untyped-call]
-
-    def _make(self) -> None:
-        self._ensure_finalized()  # type: ignore[no-untyped-call]
-        if self._waits:
-            self._waits = False
-            super()._finalize_final_module()  # type: ignore[no-untyped-call]
-
-    def get_pointer_to_function(self, name: str) -> Any:
-        self._ensure_finalized()  # type: ignore[no-untyped-call]
-        defined = self.get_defined_functions()  # type: ignore[no-untyped-call]
-        if any(function.name == name for function in defined):
-            self._make()
-        return super().get_pointer_to_function(name)  # type: ignore[no-untyped-call]
-
-    def serialize_using_object_code(self) -> Any:
-        self._make()
-        return super().serialize_using_object_code()  # type: ignore[no-untyped-call]
-
-
-def _set_env(codegen: Any, name: str, env: Any) -> None:
-    """Put what code needs of Python where it is, if it is made: only what Python calls needs it."""
-    if codegen._engine.get_global_value_address(name):
-        _set_made_env(codegen, name, env)
-
-
-# numba, whose version is pinned, has no public way to say this
-_set_made_env: Any = JITCPUCodegen.set_env
-JITCPUCodegen._library_class = _Unhurried
-JITCPUCodegen.set_env = _set_env  # type: ignore[method-assign]
 
 
 def _general(template: Callable[..., Any]) -> Callable[..., Any]:

@@ -4,7 +4,8 @@
    displacement makes position, tangent and curvature continuous; see `path.blended`.
 2. *Speeds*: the second-order optimum of this path, lowered where speeds would change faster than
    the jerk allows; see `plan_kernels.speeds`. Speed changes on blends too, so curves made of short
-   chords are driven like the curves they stand for.
+   chords are driven like the curves they stand for. Where that loses much time, an interior-point
+   method gets most of it back; see `refine`.
 3. *Time law*: pieces of constant path jerk; acceleration is continuous everywhere.
 
 No speed is trusted: the law of every cell is checked against the limits of all axes, and planned

@@ -35,10 +35,89 @@ def test_the_optimum_of_simple_programs(text, time):
     assert least(text) == pytest.approx(time, rel=1e-5)
 
 
-def test_the_optimum_of_a_circle_is_that_of_its_radial_acceleration():
-    # 200 mm/s on a radius of 5 mm would be 8000 mm/s^2; sqrt(5 * 3000) = 122 mm/s
-    around = (10 * math.pi + 5 / 2) / math.sqrt(15_000)  # v^2 / (2 a) more, to speed up and down
-    assert around <= least("F12000\nG2 X0 Y0 I5 J0", 128) <= 1.2 * around
+def test_on_a_circle_one_axis_at_a_time_uses_its_acceleration():
+    # Let phi be the angle from where an axis reverses. In an octant from there, what matters is
+    # the other reversal, behind or ahead of it: with X at its limit from phi = 0 on, where its
+    # velocity is 0, v^2 sin^2(phi) = 2 A R (1 - cos(phi)), so v^2 = 2 A R / (1 + cos(phi)).
+    # An octant takes v_x / A then, 2 sqrt(R / A) sin(pi / 8). At 45 degrees v is 132 mm/s.
+    octant = 2 * math.sqrt(5 / 3000) * math.sin(math.pi / 8)
+    # From rest, Y is at its limit: v_y^2 = 2 A R sin(phi). X follows as v_x = v_y tan(phi), with
+    # an acceleration of A (3 tan(phi) + 2 tan(phi)^3); that is A at tan(phi) = 0.313.
+    begin = math.atan(np.roots([2, 0, 3, -1])[-1].real)
+    y = math.sqrt(2 * 3000 * 5 * math.sin(begin))
+    x = y * math.tan(begin)
+
+    # From there on X is at its limit, until Y has to slow down to its reversal at 90 degrees.
+    def excess(phi):
+        square = (x**2 + 2 * 3000 * 5 * (math.cos(begin) - math.cos(phi))) / math.sin(phi) ** 2
+        return square - 2 * 3000 * 5 / (1 + math.sin(phi))
+
+    low, high = math.pi / 8, math.pi / 2
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) < 0 else (low, middle)
+    square = 2 * 3000 * 5 / (1 + math.sin(low))
+    first = (y + math.sqrt(square) * (math.sin(low) + math.cos(low)) - x) / 3000
+    assert least("F12000\nG2 X0 Y0 I5 J0", 256) == pytest.approx(2 * first + 4 * octant, rel=1e-4)
+
+
+def test_to_the_middle_of_a_corner_one_axis_slows_down_with_all_its_acceleration():
+    # X then Y, blended over l of each: x' = 1 - s^2 / (2 l^2), in the middle 1/2; x'' = -s / l^2,
+    # there -1 / l; y is its mirror image. The middle is l / 6 away from the corner in X and Y.
+    # There X slows down and Y speeds up by A, which needs b = A l, so v_x^2 = A l / 4. Before it,
+    # x'' b and x' a add up to -A, while y'' b and y' a, of different signs, are less than A.
+    size = 6 * 0.1 / math.sqrt(2)
+    slow = math.sqrt(3000 * size) / 2
+    peak = math.sqrt(3000 * (2 - size / 6) + slow**2 / 2)
+    time = 2 * (2 * peak - slow) / 3000
+    assert least("G64 P0.1\nF12000\nG1 X2\nY2") == pytest.approx(time, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 5, 7, 10])  # 7 has slow reversals
+def test_the_optimum_of_a_walk_is_that_of_reachable_speeds(seed):
+    walk = np.random.default_rng(seed).normal(0, 0.3, (8, 2)).cumsum(axis=0)
+    path, _ = blended_path(interpret_text(lines(walk)).moves, MACHINE)
+    assert 1 - 2e-4 <= least(lines(walk)) / reachable(path) <= 1 + 1e-4
+
+
+def reachable(path, cells=400):
+    """Return the time by passes of the most controllable and the fastest speeds, lines only.
+
+    Limits of velocity, of both axes and of feed, and of acceleration hold in the middle of cells.
+    """
+    sizes, shapes = [], []
+    for poly, length in zip(path.poly, path.length, strict=True):
+        s = (np.arange(cells) + 0.5)[:, None] * length / cells
+        slope = poly[1] + (2 * poly[2] + 3 * poly[3] * s) * s
+        sizes += [length / cells] * cells
+        shapes += zip(slope[:, :2], 2 * poly[2, :2] + 6 * poly[3, :2] * s, strict=True)
+
+    def interval(n):  # lower and upper bounds of b after n, both as sums of c0 + c1 times b before
+        (slope, bend), size = shapes[n], sizes[n]
+        after, before = bend / 2 + slope / (2 * size), bend / 2 - slope / (2 * size)
+        sign = np.where(after < 0, -1.0, 1.0)
+        after, before = sign * after + 1e-12, sign * before
+        return (-3000 - 0 * after) / after, 3000 / after, -before / after
+
+    count = len(sizes)
+    most = np.array([min(200.0 / abs(slope).max(), 200.0) ** 2 for slope, _ in shapes])
+    top = np.concatenate([[0.0], np.minimum(most[1:], most[:-1]), [0.0]])
+    top[cells * (np.flatnonzero(path.rest) + 1)] = 0.0
+    for n in range(count - 1, -1, -1):
+        low, high, share = interval(n)
+        low, high = np.append(low, 0.0), np.append(high, top[n + 1])
+        share = np.append(share, 0.0)
+        # low_i + share_i b <= high_j + share_j b
+        room, steep = high[None] - low[:, None], share[:, None] - share[None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            top[n] = min(top[n], np.where(steep > 0, room / steep, np.inf).min())
+    time, b = 0.0, 0.0
+    for n in range(count):
+        _, high, share = interval(n)
+        after = min(top[n + 1], (high + share * b).min())
+        time += 2 * sizes[n] / (math.sqrt(b) + math.sqrt(after))
+        b = after
+    return time
 
 
 def test_a_plan_takes_the_rise_of_its_acceleration_longer():

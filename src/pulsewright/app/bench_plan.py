@@ -36,7 +36,7 @@ SPEED: Final = 200.0  # of every axis [mm/s]; 5 times that of A [degrees/s]
 ACCELERATION: Final = 3000.0  # [mm/s^2]
 JERKS: Final = {1e6: "<= 1.10", 3e5: "<= 1.20"}  # [mm/s^3], and the aim
 TOLERANCES: Final = (0.02, 0.05)  # [mm]
-PARTS: Final = 8  # of each element, for the optimum
+PARTS: Final = 8  # of each blend, for the optimum
 TELLING: Final = 1.005  # ratio of T3 to T2 from which on it is told
 CHORDS: Final = 1000
 LINES: Final = 1_000_000

@@ -44,8 +44,8 @@ MORE = 2  # steps then
 BACK = 0.1  # of the way to the first law, then, until limits hold
 FULL = 1.0 - 1e-6  # of the square of the largest speed: such a state stays
 SLOW = 0.3  # of the speed in a cell: from there on, jerks are compared with the speed
-TURN = 0.25  # of a cell that has places at the ends of its pieces only [rad]
-PLACES = 4  # of a piece, besides its begin, at most
+TURN = 0.08  # of a cell that has places at the ends of its pieces only [rad]
+PLACES = 8  # of a piece, besides its begin, at most
 
 # Columns of a cell of a window
 SIGNED = 0  # 1 if terms have signs, 0 if they are magnitudes

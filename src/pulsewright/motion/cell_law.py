@@ -27,6 +27,15 @@ class Cells(NamedTuple):
 
 
 @inner
+def is_bent(cells: Cells, c: int) -> bool:
+    """Return whether a cell is not on a line."""
+    row = cells.row[c]
+    share = cells.share[row]
+    bent: bool = cells.rows[row] > 1 or share[0, 3] > 0.0 or share[0, 5] > 0.0
+    return bent
+
+
+@inner
 def two_pieces(
     v0: float, v1: float, a0: float, a1: float, size: float, split: float
 ) -> tuple[float, float, float]:

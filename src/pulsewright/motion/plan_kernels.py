@@ -29,7 +29,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pulsewright.compiled import compiled, inlined, inner
-from pulsewright.motion.cell_law import ROUNDING, Cells, keeps_limits, limits_used, two_pieces
+from pulsewright.motion.cell_law import (
+    ROUNDING,
+    Cells,
+    is_bent,
+    keeps_limits,
+    limits_used,
+    two_pieces,
+)
 from pulsewright.motion.path import Elements, Flags, Floats, Ints, Limits, _peaks
 from pulsewright.motion.refine import refine, window_of
 
@@ -894,14 +901,13 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
 @inner
 def _straight(task: Task, b: Floats, a: Floats, first: int, last: int, soft: float) -> None:
     """Give lines between two nodes the fastest law from one of their ends to the other."""
-    row, share, rows = task.cells.row, task.cells.share, task.cells.rows
-    begin = first
+    row, begin = task.cells.row, first
     while begin < last:
-        end, r = begin + 1, row[begin]
-        while end < last and row[end] == r:
+        end = begin + 1
+        while end < last and row[end] == row[begin]:
             end += 1
-        straight = rows[r] == 1 and share[r, 0, 3] == 0.0 and share[r, 0, 5] == 0.0
-        if straight and end > begin + 1 and not _line(task, b, a, begin, end, soft):
+        straight = end > begin + 1 and not is_bent(task.cells, begin)
+        if straight and not _line(task, b, a, begin, end, soft):
             _line(task, b, a, begin, end, LINE_JERK)
         begin = end
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pulsewright.compiled import compiled, inner
-from pulsewright.motion.cell_law import ROUNDING, Cells
+from pulsewright.motion.cell_law import ROUNDING, Cells, is_bent
 from pulsewright.motion.path import Elements, Floats, Limits
 
 WINDOW = 64  # cells at once
@@ -172,15 +172,6 @@ def _window(
 
 
 @inner
-def _is_bent(cells: Cells, c: int) -> bool:
-    """Return whether a cell is not on a line."""
-    row = cells.row[c]
-    share = cells.share[row]
-    bent: bool = cells.rows[row] > 1 or share[0, 3] > 0.0 or share[0, 5] > 0.0
-    return bent
-
-
-@inner
 def _prepare(
     x: Floats, terms: Floats, path: Elements, limits: Limits, cells: Cells, split: Floats, c: int
 ) -> None:
@@ -188,13 +179,13 @@ def _prepare(
 
     Terms have signs where the cell is a part of one element that is no arc.
     """
-    e, share, begin, size = cells.element[c], cells.share[cells.row[c]], cells.offset[c], 0.0
+    e, share = cells.element[c], cells.share[cells.row[c]]
+    begin, size = cells.offset[c], cells.size[c]
     after = cells.element[c + 1] if c + 1 < cells.size.size else path.length.size
-    size = cells.size[c]
     x[SIZE], x[SPLIT], x[PACE], x[SPEED] = size, split[c], share[0, 0], 1.0
     x[ROOM] = x[ROOM + 1] = x[ROOM + 2] = x[EXTRA] = 0.0
     k, turn = 0, 0.0
-    if not (_is_bent(cells, c) and after <= e + 1 and path.omega[e] == 0.0):
+    if not (is_bent(cells, c) and after <= e + 1 and path.omega[e] == 0.0):
         for r in range(cells.rows[cells.row[c]]):
             terms[r, 0], terms[r, 1], terms[r, 2] = share[r, 2], share[r, 4] * (1 / 3), share[r, 5]
             terms[r, 5] = share[r, 1] / share[r, 2]
@@ -317,14 +308,16 @@ def _direction(w: Window, n: int) -> float:
 
 
 @inner
-def _soft(room: float) -> tuple[float, float, float]:
-    """Return a barrier where next to no room is left, and its first and second derivative.
+def _barrier(room: float) -> tuple[float, float, float, float]:
+    """Return a barrier but for a logarithm, its argument, and the barrier's two derivatives.
 
-    With more room it is room - 1 - log(room), and nothing from 1 on.
+    It is room - 1 - log(room), and a parabola where next to no room is left.
     """
+    if room > SOFT:
+        return room - 1.0, room, 1.0 - 1.0 / room, 1.0 / (room * room)
     under, first, second = room - SOFT, 1.0 - 1.0 / SOFT, 1.0 / (SOFT * SOFT)
     value = SOFT - 1.0 - math.log(SOFT) + (first + 0.5 * second * under) * under
-    return value, first + second * under, second
+    return value, 1.0, first + second * under, second
 
 
 @inner
@@ -419,13 +412,9 @@ def _cell(
             room = (1.0 - x[ROOM]) * (1.0 / NEAR) - vm * pace
         if room >= 1.0:
             continue
-        first, second = 1.0 - 1.0 / room, 1.0 / (room * room)
-        if room > SOFT:
-            product *= room
-            value += weight * (room - 1.0)
-        else:
-            barrier, first, second = _soft(room)
-            value += weight * barrier
+        barrier, factor, first, second = _barrier(room)
+        product *= factor
+        value += weight * barrier
         if derive:
             first, second = weight * first, weight * second
             if end == 1:
@@ -487,13 +476,9 @@ def _cell(
                         room = (limit_j - abs(f_j)) * close
                     if room >= 1.0:
                         continue
-                    first, second = 1.0 - 1.0 / room, 1.0 / (room * room)
-                    if room > SOFT:
-                        product *= room
-                        value += weight * (room - 1.0)
-                    else:
-                        barrier, first, second = _soft(room)
-                        value += weight * barrier
+                    barrier, factor, first, second = _barrier(room)
+                    product *= factor
+                    value += weight * barrier
                     if not derive:
                         continue
                     if not known:

@@ -76,9 +76,7 @@ class Segments(NamedTuple):
     top: Floats  # (s,) about the largest square of the speed
     ramp: Floats  # (s,) path acceleration possible up to it; 0 for a rest
     collapse: Floats  # (s,) how far a chord may be from the moves that it replaces, if that is more
-    short: (
-        Flags  # (s,) whether it may become part of a chord: a line too short to stop in, or loose
-    )
+    short: Flags  # (s,) whether a chord may replace it: a line too short to stop in, or loose
 
 
 class Elements(NamedTuple):

@@ -615,7 +615,7 @@ class Task(NamedTuple):
     jerk: Floats  # (n,) path jerk left
     split: Floats  # (n,) of a cell's time, for the first of its two pieces
     node: Ints  # (n + 1,) scratch
-    work: Floats  # (9, n + 1) scratch
+    work: Floats  # (6, n + 8) scratch
 
 
 @compiled(error_model="numpy")
@@ -638,10 +638,10 @@ def speeds(
     b, a = np.zeros(n + 1), np.zeros(n + 1)
     task = Task(
         grid, np.zeros(n), np.ones(n), np.ones(n), np.empty(n), np.empty(n),
-        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((9, n + 8)),
+        np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((6, n + 8)),
     )  # fmt: skip
     window = window_of(limits.velocity.size)
-    best = task.work[5]
+    best = task.work[4]
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
     for c in range(n):
@@ -862,7 +862,7 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
     second-order optimum at first, and then such as the first plan has.
     """
     size, ramp, jerk = task.cells.size, task.ramp, task.jerk
-    best, guess = task.work[6], task.work[7]
+    best, guess = task.work[4], task.work[5]
     begin, end = a[first], a[last]
     _envelope(task, b, first, last)
     for i in range(first, last + 1):

@@ -33,9 +33,10 @@ def dispatcher(function: Callable[..., Any], **options: Any) -> Any:
     """
     keep = not options.get("no_cpython_wrapper")
     result: Any = numba.njit(cache=keep, nogil=True, **options)(function)
-    if hasattr(result, "get_call_template"):
+    if hasattr(result, "get_call_template"):  # not with NUMBA_DISABLE_JIT
         result.get_call_template = _general(result.get_call_template)
-    if keep and hasattr(result, "_cache"):  # not with NUMBA_DISABLE_JIT
+        result.compile = _vectorized(result.compile)
+    if keep and hasattr(result, "_cache"):
         # numba, whose version is pinned, has no public way to say on what a kernel depends
         files: Any = result._cache._cache_file
         files._source_stamp = stamp(function.__code__.co_filename)
@@ -79,6 +80,24 @@ def _general(template: Callable[..., Any]) -> Callable[..., Any]:
         return template(tuple(map(any_value, args)), free)
 
     return general
+
+
+def _vectorized(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return ``compile_`` such that sums and products side by side become those of vectors.
+
+    What they are does not change. Numba does so by a setting for all that is compiled, off unless
+    the user turns it on; here it is on as long as one of our kernels is being compiled.
+    """
+
+    def vectorized(signature: Any) -> Any:
+        settings: Any = numba.config
+        before, settings.SLP_VECTORIZE = settings.SLP_VECTORIZE, 1
+        try:
+            return compile_(signature)
+        finally:
+            settings.SLP_VECTORIZE = before
+
+    return vectorized
 
 
 def _apart(files: Any) -> Callable[[Any, Any], None]:

@@ -10,42 +10,50 @@ at some places of each of the two pieces of a cell. Between two places, they exc
 of the two by at most 1/8 of the time squared times the second derivative, whose terms are bounded
 by magnitudes. So a law that keeps limits here keeps them everywhere.
 
-Newton's method makes a window of cells faster: states at its ends stay; b and a at the nodes inside
-change such that the time, and barriers before the limits, get less. Over ``b`` and ``a``, the
-acceleration is linear, and the jerk divided by the speed nearly is.
+States at the ends of a window of cells stay; b and a at the nodes inside are changed to make it
+faster. Over them, the acceleration is linear, and the jerk divided by the speed nearly is. Each
+limit that is near has a *slack*, which is to be what is left of it, and a *force*, by which it
+pushes back: at the optimum one of the two is 0, and the forces hold the balance to the time that
+could be saved. Newton's method solves that with the product of the two at a weight, which goes to 0
+(a primal-dual method; slacks of limits that are broken at first are too large until they fit).
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from pulsewright.compiled import compiled, inner
+from pulsewright.compiled import compiled, inlined, inner
 from pulsewright.motion.cell_law import ROUNDING, Cells, is_bent
 from pulsewright.motion.path import Elements, Floats, Limits
 
-WINDOW = 64  # cells at once
+WINDOW = 192  # cells at once
+SMALLEST = 16  # cells, where larger windows find nothing better
 MATTERS = 0.005  # of a run's time, lost to the second-order optimum
 WORTH = 0.02  # of a window's time, lost the same way
-STEPS = 8  # of Newton's method
+STEPS = 20  # of Newton's method
 BARRIER = 0.04  # weight of barriers at first, over the mean time of a cell
-CLOSE = 1e-4  # of time and barriers: so little is not worth another step
-SOFTER = 0.3  # what a good step leaves of it
-LEAST = 1.5e-3  # the same at last
-NEAR = 0.5  # of a limit: so much before it the barrier begins
-SOFT = 5e-3  # of that: from there on it rises as a parabola
+LEAST = 2e-4  # the same at last
+SOFTER = 0.8  # by which part a whole step makes it less
+CLOSE = 3e-4  # of the time: so little is not worth another step
+NEAR = 0.35  # of a limit: so much before it the barrier begins
+SLACK = 0.3  # of that, at least, where a limit is met the first time
+BOUNDARY = 0.95  # of slacks and forces, used up in a step at most
+FARTHEST = 0.8  # of b, the same
 RESTRAINT = 10.0  # weight against changes of the jerk, over that of barriers
-HALVINGS = 8  # of a step
-GAP = 0.001  # of limits, always kept free
-AGAIN = 3  # times, with more distance to limits that were broken
-MORE = 2  # steps then
-BACK = 0.1  # of the way to the first law, then, until limits hold
+LITTLE = 1e-6  # part of a step: less is none
+JAMMED = 0.03  # part of a step: something is in the way
+PATIENCE = 4  # such steps one after another: it stays there
+GAP = 0.0005  # of limits, always kept free
+MARGIN = 1.03  # over what limits may be exceeded by between places
+AGAIN = 0.7  # of what limits were broken by: kept free besides
+BACK = (0.0, 0.1, 0.2, 0.4, 0.8)  # of the way to states that keep limits, until others do, too
 FULL = 1.0 - 1e-6  # of the square of the largest speed: such a state stays
 SLOW = 0.3  # of the speed in a cell: from there on, jerks are compared with the speed
-TURN = 0.08  # of a cell that has places at the ends of its pieces only [rad]
-PLACES = 8  # of a piece, besides its begin, at most
+TURN = 0.05  # of a cell that has places at the ends of its pieces only [rad]
+PLACES = 12  # of a piece, besides its begin, at most
 
 # Columns of a cell of a window
 SIGNED = 0  # 1 if terms have signs, 0 if they are magnitudes
@@ -56,10 +64,15 @@ ROOM = 6  # 3: of speed, acceleration and jerk, kept free, as they may be more b
 FREE = 9  # 3: how much more that is now
 EXTRA = 12  # kept free besides, where limits were broken
 USED = 13  # of limits, at most
-SPEED = 14  # in the middle, which jerks are compared with
+BEGIN = 14  # the first of its limits that are near
 SLOPE = 15  # 4: of time and barriers, over b, a, b, a at the ends
-CURVE = 19  # 10: the same twice: 00 01 02 03 11 12 13 22 23 33
-COLUMNS = 29
+CURVE = 19  # (4, 4): the same twice
+COLUMNS = 35
+
+# Rows of b and a: as they are, before the last step, and the best ones that keep limits
+NOW, BEFORE, GOOD = 0, 2, 4
+
+Quad: TypeAlias = tuple[float, float, float, float]  # derivatives over b, a, b, a at a cell's ends
 
 
 class Window(NamedTuple):
@@ -69,15 +82,46 @@ class Window(NamedTuple):
     # (w, r, 6): derivatives of position at the begin of the cell, magnitudes of the second and the
     # third on it, all over the jerk of the row; and its jerk over its acceleration
     terms: Floats
-    state: Floats  # (4, w + 1): b and a, and the same as tried
+    state: Floats  # (6, w + 1), see NOW
     step: Floats  # (w + 1, 5): the inverse of a block of Newton's equations, and the step
+    # (w * k, 8), limits that are near: what is left over NEAR, its derivatives (then the changes of
+    # slack and force), slack, force, and which limit of the cell it is
+    near: Floats
+    hold: Floats  # (w, k, 2) slack and force of each limit of a cell; 0 if it was not near
+
+
+class Law(NamedTuple):
+    """The time law of a cell, and its derivatives."""
+
+    time: float
+    v0: float
+    vm: float  # where the two pieces meet
+    v1: float
+    a0: float
+    am: float
+    a1: float
+    j0: float
+    j1: float
+    top: float  # largest speed
+    of_v0: float  # derivative of v0 over its square
+    of_v1: float
+    of_time: Quad
+    of_am: Quad
+    of_vm: Quad
 
 
 @compiled(error_model="numpy")
 def window_of(rows: int) -> Window:
     """Return a window for a number of limit rows."""
-    cell, terms = np.empty((WINDOW, COLUMNS)), np.empty((WINDOW, rows, 6))
-    return Window(cell, terms, np.empty((4, WINDOW + 1)), np.empty((WINDOW + 1, 5)))
+    most = 3 + 4 * (PLACES + 1) * rows
+    return Window(
+        np.empty((WINDOW, COLUMNS)),
+        np.empty((WINDOW, rows, 6)),
+        np.empty((6, WINDOW + 1)),
+        np.empty((WINDOW + 1, 5)),
+        np.empty((WINDOW * most, 8)),
+        np.empty((WINDOW, most, 2)),
+    )
 
 
 @inner
@@ -97,18 +141,21 @@ def refine(
     whole, lost = _loss(cells, best, b, first, last)
     if lost < MATTERS * whole:
         return
-    row, share, begin = cells.row, cells.share, first
+    row, share, begin, most = cells.row, cells.share, first, WINDOW
     while begin < last:
         end = begin + 1
-        while end < min(last, begin + WINDOW):
+        while end < min(last, begin + most):
             pace = max(share[row[end - 1], 0, 0], share[row[end], 0, 0])
             if b[end] * pace * pace >= FULL:
                 break
             end += 1
         whole, lost = _loss(cells, best, b, begin, end)
-        if lost > WORTH * whole:
-            _window(w, path, limits, cells, split, b, a, begin, end)
-        begin = end
+        done = end == begin + 1 or lost <= WORTH * whole
+        if not done:
+            done = _window(w, path, limits, cells, split, b, a, begin, end)
+        most = WINDOW if done else (end - begin) // 2  # perhaps only some cells are in the way
+        if done or most < SMALLEST:
+            begin, most = end, WINDOW
 
 
 @inner
@@ -133,42 +180,57 @@ def _window(
     a: Floats,
     first: int,
     last: int,
-) -> None:
-    """Make cells ``first`` to ``last`` - 1 faster; if nothing better is found, states stay."""
+) -> bool:
+    """Make cells ``first`` to ``last`` - 1 faster, and return whether nothing was in the way."""
     n, state = last - first, w.state
     for i in range(n):
         _prepare(w.cell[i], w.terms[i], path, limits, cells, split, first + i)
+        for k in range(w.hold.shape[1]):
+            w.hold[i, k, 1] = 0.0
     for i in range(n + 1):
-        state[0, i] = state[2, i] = b[first + i]
-        state[1, i] = state[3, i] = a[first + i]
-    before = _value(w, n, 0, 0.0, math.inf)
+        state[NOW, i] = state[BEFORE, i] = state[GOOD, i] = b[first + i]
+        state[NOW + 1, i] = state[BEFORE + 1, i] = state[GOOD + 1, i] = a[first + i]
+    before = _time(w, n, NOW)
     if not before < math.inf:
-        return
-    weight, after, worst = BARRIER * before / n, math.inf, math.inf
-    for trial in range(1 + AGAIN):
-        part = 0.5
-        for _ in range(STEPS if trial == 0 else MORE):
-            part = _stepped(w, n, weight, min(1.0, 2.0 * part), trial > 0)
-            if part == 0.0:
-                break
-            if part >= 0.5:
-                weight = max(SOFTER * weight, LEAST * before / n)
-        after, worst = _value(w, n, 0, 0.0, math.inf), _worst(w, n)
-        if worst <= 1.0 + ROUNDING:
+        return False
+    best, weight, least, jams = before, BARRIER * before / n, LEAST * before / n, 0
+    for _ in range(STEPS):
+        time, slope, part = _stepped(w, n, weight)
+        if time < best and _worst(w, n) <= 1.0 + ROUNDING:
+            best = time
+            _copy(state, n, BEFORE, GOOD)
+        jams = jams + 1 if part < JAMMED else 0
+        if jams == PATIENCE:
             break
-        for i in range(n):
-            w.cell[i, EXTRA] = max(0.0, 0.7 * (w.cell[i, USED] - 1.0))
-    at, part = 0, 1.0
-    while worst > 1.0 + ROUNDING and part > 2.0 * BACK:  # between the first law and this one
-        at = 2
-        part -= BACK
+        if weight == least and -slope < CLOSE * time:
+            _time(w, n, NOW)
+            if _worst(w, n) <= 1.0 + ROUNDING:
+                break
+            for i in range(n):
+                w.cell[i, EXTRA] += max(0.0, AGAIN * (w.cell[i, USED] - 1.0))
+        weight = max(weight * (1.0 - SOFTER * part), least)
+    _copy(state, n, NOW, BEFORE)
+    at = GOOD
+    for share in BACK:
         for i in range(1, n):
-            state[2, i] = b[first + i] + part * (state[0, i] - b[first + i])
-            state[3, i] = a[first + i] + part * (state[1, i] - a[first + i])
-        after, worst = _value(w, n, 2, 0.0, math.inf), _worst(w, n)
-    if after < before and worst <= 1.0 + ROUNDING:
-        for i in range(1, n):
-            b[first + i], a[first + i] = state[at, i], state[at + 1, i]
+            for k in range(2):
+                far, good = state[BEFORE + k, i], state[GOOD + k, i]
+                state[NOW + k, i] = far + share * (good - far)
+        if _time(w, n, NOW) < best and _worst(w, n) <= 1.0 + ROUNDING:
+            at = NOW
+            break
+    if at == GOOD and best == before:
+        return False
+    for i in range(1, n):
+        b[first + i], a[first + i] = state[at, i], state[at + 1, i]
+    return jams < PATIENCE
+
+
+@inner
+def _copy(state: Floats, n: int, source: int, target: int) -> None:
+    """Copy states inside of a window."""
+    for i in range(1, n):
+        state[target, i], state[target + 1, i] = state[source, i], state[source + 1, i]
 
 
 @inner
@@ -182,7 +244,7 @@ def _prepare(
     e, share = cells.element[c], cells.share[cells.row[c]]
     begin, size = cells.offset[c], cells.size[c]
     after = cells.element[c + 1] if c + 1 < cells.size.size else path.length.size
-    x[SIZE], x[SPLIT], x[PACE], x[SPEED] = size, split[c], share[0, 0], 1.0
+    x[SIZE], x[SPLIT], x[PACE] = size, split[c], share[0, 0]
     x[ROOM] = x[ROOM + 1] = x[ROOM + 2] = x[EXTRA] = 0.0
     k, turn = 0, 0.0
     if not (is_bent(cells, c) and after <= e + 1 and path.omega[e] == 0.0):
@@ -212,16 +274,17 @@ def _prepare(
 
 
 @inner
-def _value(w: Window, n: int, at: int, weight: float, most: float) -> float:
-    """Return time and barriers of all cells, with the states in rows ``at`` of the window.
-
-    The value is not complete if it is more than ``most``.
-    """
-    b, a, value, i = w.state[at], w.state[at + 1], 0.0, 0
-    while i < n and value <= most:
-        value += _cell(w.cell[i], w.terms[i], b[i], a[i], b[i + 1], a[i + 1], weight, False)
-        i += 1
-    return value
+def _time(w: Window, n: int, at: int) -> float:
+    """Return the time of all cells with the states in rows ``at``; find what limits they use."""
+    b, a, time = w.state[at], w.state[at + 1], 0.0
+    for i in range(n):
+        x = w.cell[i]
+        law = _law(x[SIZE], x[SPLIT], b[i], a[i], b[i + 1], a[i + 1], False)
+        if law.time == math.inf:
+            return math.inf
+        _limits(x, w.terms[i], w.hold[i], w.near, 0, law, False, False, False)
+        time += law.time
+    return time
 
 
 @inner
@@ -234,53 +297,98 @@ def _worst(w: Window, n: int) -> float:
 
 
 @inner
-def _stepped(w: Window, n: int, weight: float, part: float, again: bool) -> float:
-    """Do at most this part of a step of Newton's method; return how much, 0 if it saves nothing.
+def _stepped(w: Window, n: int, weight: float) -> tuple[float, float, float]:
+    """Do a step of Newton's method.
 
-    With ``again``, limits are what matters: what was kept free of them before, is, and the time
-    saved may be little.
+    Return the time before it, the slope of time and barriers along it, and which part of it was
+    possible.
     """
-    value, state = 0.0, w.state
-    b, a = state[0], state[1]
+    state, near = w.state, w.near
+    b, a = state[NOW], state[NOW + 1]
+    time, k = 0.0, 0
     for i in range(n):
         x = w.cell[i]
-        for k in range(3):
-            room = 1.1 * x[FREE + k] + (GAP if k > 0 else 0.0)
-            if again:
-                room = max(room, x[ROOM + k])
-            x[ROOM + k] = min(room + x[EXTRA], 0.5)
-        value += _cell(x, w.terms[i], b[i], a[i], b[i + 1], a[i + 1], weight, True)
+        for j in range(3):
+            room = MARGIN * x[FREE + j] + (GAP if j > 0 else 0.0)
+            x[ROOM + j] = min(room + x[EXTRA], 0.5)
+        law = _law(x[SIZE], x[SPLIT], b[i], a[i], b[i + 1], a[i + 1], True)
+        time += law.time
+        x[BEGIN] = k
+        k = _limits(x, w.terms[i], w.hold[i], near, k, law, True, i == 0, i == n - 1)
+        _assemble(x, w.terms[i], w.hold[i], near, k, law, weight)
     slope = _direction(w, n)
-    if not slope < (0.0 if again else -CLOSE * value):
-        return 0.0
-    for _ in range(HALVINGS):
-        least = math.inf
-        for i in range(1, n):
-            state[2, i] = b[i] + part * w.step[i, 3]
-            state[3, i] = a[i] + part * w.step[i, 4]
-            least = min(least, state[2, i])
-        if least > 0.0 and _value(w, n, 2, weight, value) <= value + 1e-4 * part * slope:
-            for i in range(1, n):
-                b[i], a[i] = state[2, i], state[3, i]
-            return part
+    part, dual = _possible(w, n, k, weight)
+    _copy(state, n, NOW, BEFORE)
+    while not _moved(w, n, part):
         part *= 0.5
-    return 0.0
+        if not part > LITTLE:
+            part = 0.0
+            _copy(state, n, BEFORE, NOW)
+            break
+    for i in range(n):
+        after = int(w.cell[i + 1, BEGIN]) if i + 1 < n else k
+        for p in range(int(w.cell[i, BEGIN]), after):
+            which = int(near[p, 7])
+            w.hold[i, which, 0] = near[p, 5] + part * near[p, 1]
+            w.hold[i, which, 1] = near[p, 6] + dual * near[p, 2]
+    return time, slope, min(part, dual)
+
+
+@inner
+def _moved(w: Window, n: int, part: float) -> bool:
+    """Go a part of a step, and return whether all cells have a law then."""
+    state, found = w.state, True
+    for i in range(1, n):
+        state[NOW, i] = state[BEFORE, i] + part * w.step[i, 3]
+        state[NOW + 1, i] = state[BEFORE + 1, i] + part * w.step[i, 4]
+    b, a = state[NOW], state[NOW + 1]
+    for i in range(n):
+        x = w.cell[i]
+        law = _law(x[SIZE], x[SPLIT], b[i], a[i], b[i + 1], a[i + 1], False)
+        found = found and law.time < math.inf
+    return found
+
+
+@inner
+def _possible(w: Window, n: int, k: int, weight: float) -> tuple[float, float]:
+    """Return which parts of a step states and slacks, and forces can go.
+
+    How much all of them would change is put into the list of limits.
+    """
+    near, step, part, dual = w.near, w.step, 1.0, 1.0
+    for i in range(n):
+        d0, d1, d2, d3 = step[i, 3], step[i, 4], step[i + 1, 3], step[i + 1, 4]
+        if d0 < -FARTHEST * w.state[NOW, i]:
+            part = min(part, -FARTHEST * w.state[NOW, i] / d0)
+        after = int(w.cell[i + 1, BEGIN]) if i + 1 < n else k
+        for p in range(int(w.cell[i, BEGIN]), after):
+            slack, force = near[p, 5], near[p, 6]
+            more = near[p, 1] * d0 + near[p, 2] * d1 + near[p, 3] * d2 + near[p, 4] * d3
+            more += near[p, 0] - slack
+            push = (weight - force * more) / slack - force
+            near[p, 1], near[p, 2] = more, push
+            if more < -BOUNDARY * slack:
+                part = min(part, -BOUNDARY * slack / more)
+            if push < -BOUNDARY * force:
+                dual = min(dual, -BOUNDARY * force / push)
+    return part, dual
 
 
 @inner
 def _direction(w: Window, n: int) -> float:
-    """Solve Newton's equations; return the slope of the value along the step, 0 if there is none.
+    """Solve Newton's equations; return the slope of time and barriers along the step.
 
-    They are block tridiagonal, as a cell ties the nodes at its ends only.
+    They are block tridiagonal, as a cell ties the nodes at its ends only. A node whose equations
+    have no solution, but for rounding, stays.
     """
     cell, step = w.cell, w.step
     for i in range(1, n):
         x, y = cell[i - 1], cell[i]
-        d0, d1 = x[CURVE + 7] + y[CURVE], x[CURVE + 8] + y[CURVE + 1]
-        d2 = x[CURVE + 9] + y[CURVE + 4]
+        d0, d1 = x[CURVE + 10] + y[CURVE], x[CURVE + 11] + y[CURVE + 1]
+        d2 = x[CURVE + 15] + y[CURVE + 5]
         r0, r1 = -x[SLOPE + 2] - y[SLOPE], -x[SLOPE + 3] - y[SLOPE + 1]
         if i > 1:
-            l0, l1, l2, l3 = x[CURVE + 2], x[CURVE + 5], x[CURVE + 3], x[CURVE + 6]
+            l0, l1, l2, l3 = x[CURVE + 2], x[CURVE + 6], x[CURVE + 3], x[CURVE + 7]
             i0, i1, i2 = step[i - 1, 0], step[i - 1, 1], step[i - 1, 2]
             x0, x1 = l0 * i0 + l1 * i1, l0 * i1 + l1 * i2
             x2, x3 = l2 * i0 + l3 * i1, l2 * i1 + l3 * i2
@@ -290,17 +398,18 @@ def _direction(w: Window, n: int) -> float:
             r0 -= x0 * step[i - 1, 3] + x1 * step[i - 1, 4]
             r1 -= x2 * step[i - 1, 3] + x3 * step[i - 1, 4]
         det = d0 * d2 - d1 * d1
-        if not (d0 > 0.0 and det > 1e-12 * d0 * d2):
-            return 0.0
-        step[i, 0], step[i, 1], step[i, 2] = d2 / det, -d1 / det, d0 / det
+        step[i, 0] = step[i, 1] = step[i, 2] = 0.0
+        if d0 > 0.0 and det > 1e-14 * d0 * d2:
+            det = 1.0 / det
+            step[i, 0], step[i, 1], step[i, 2] = d2 * det, -d1 * det, d0 * det
         step[i, 3], step[i, 4] = r0, r1
-    step[n, 3], step[n, 4] = 0.0, 0.0
+    step[0, 3] = step[0, 4] = step[n, 3] = step[n, 4] = 0.0
     slope = 0.0
     for i in range(n - 1, 0, -1):
         x, y = cell[i - 1], cell[i]
         s0, s1 = step[i + 1, 3], step[i + 1, 4]
         r0 = step[i, 3] - y[CURVE + 2] * s0 - y[CURVE + 3] * s1
-        r1 = step[i, 4] - y[CURVE + 5] * s0 - y[CURVE + 6] * s1
+        r1 = step[i, 4] - y[CURVE + 6] * s0 - y[CURVE + 7] * s1
         s0, s1 = step[i, 0] * r0 + step[i, 1] * r1, step[i, 1] * r0 + step[i, 2] * r1
         step[i, 3], step[i, 4] = s0, s1
         slope += s0 * (x[SLOPE + 2] + y[SLOPE]) + s1 * (x[SLOPE + 3] + y[SLOPE + 1])
@@ -308,67 +417,65 @@ def _direction(w: Window, n: int) -> float:
 
 
 @inner
-def _barrier(room: float) -> tuple[float, float, float, float]:
-    """Return a barrier but for a logarithm, its argument, and the barrier's two derivatives.
-
-    It is room - 1 - log(room), and a parabola where next to no room is left.
-    """
-    if room > SOFT:
-        return room - 1.0, room, 1.0 - 1.0 / room, 1.0 / (room * room)
-    under, first, second = room - SOFT, 1.0 - 1.0 / SOFT, 1.0 / (SOFT * SOFT)
-    value = SOFT - 1.0 - math.log(SOFT) + (first + 0.5 * second * under) * under
-    return value, 1.0, first + second * under, second
-
-
-@inner
-def _add(
-    x: Floats, first: float, second: float, d0: float, d1: float, d2: float, d3: float
+def _assemble(
+    x: Floats, terms: Floats, hold: Floats, near: Floats, end: int, law: Law, weight: float
 ) -> None:
-    """Add derivatives of a function of one thing, whose derivatives over the states are ``d``."""
-    x[SLOPE] += first * d0
-    x[SLOPE + 1] += first * d1
-    x[SLOPE + 2] += first * d2
-    x[SLOPE + 3] += first * d3
-    d = second * d0
-    x[CURVE] += d * d0
-    x[CURVE + 1] += d * d1
-    x[CURVE + 2] += d * d2
-    x[CURVE + 3] += d * d3
-    d = second * d1
-    x[CURVE + 4] += d * d1
-    x[CURVE + 5] += d * d2
-    x[CURVE + 6] += d * d3
-    d = second * d2
-    x[CURVE + 7] += d * d2
-    x[CURVE + 8] += d * d3
-    x[CURVE + 9] += second * d3 * d3
+    """Find slope and curvature of time and barriers of a cell.
+
+    Slacks and forces of its limits go into the list, which ``end`` is the end of.
+    """
+    t, m, none = law.of_time, law.of_am, (0.0, 0.0, 0.0, 0.0)
+    b0, b1, per_time = law.v0 * law.v0, law.v1 * law.v1, 1.0 / law.time
+    y = law.time / ((b0 + b1) * (b0 + b1))  # about what the time is, over b
+    slope, row0, row1 = t, (y, 0.0, 0.5 * y, 0.0), none
+    row2, row3 = (0.5 * y, 0.0, y, 0.0), none
+    begin, strongest = int(x[BEGIN]), 0.0
+    for r in range(int(x[ROWS])):
+        strongest = max(strongest, abs(terms[r, 0]))
+    for p in range(begin - 2, end):
+        if p < begin:  # against changes of the jerk of a piece, where no limit is near
+            ahead = p == begin - 2
+            y = strongest * per_time / (x[SPLIT] if ahead else x[SPLIT] - 1.0)
+            z = -strongest * per_time * (law.j0 if ahead else law.j1)
+            d = _mix((0.0, -y if ahead else 0.0, 0.0, 0.0 if ahead else -y), y, m, z, t)
+            first, second = 0.0, RESTRAINT * weight
+        else:
+            which = int(near[p, 7])
+            room, slack, force = near[p, 0], hold[which, 0], hold[which, 1]
+            slack = max(room, slack if force > 0.0 else SLACK)
+            if force == 0.0:
+                force = weight / slack
+            near[p, 5], near[p, 6] = slack, force
+            second = force / slack
+            first = weight - weight / slack + second * (room - slack)
+            d = near[p, 1], near[p, 2], near[p, 3], near[p, 4]
+        slope = _plus(slope, first, d)
+        row0 = _plus(row0, second * d[0], d)
+        row1 = _plus(row1, second * d[1], d)
+        row2 = _plus(row2, second * d[2], d)
+        row3 = _plus(row3, second * d[3], d)
+    for k in range(4):
+        x[SLOPE + k] = slope[k]
+        x[CURVE + k], x[CURVE + 4 + k] = row0[k], row1[k]
+        x[CURVE + 8 + k], x[CURVE + 12 + k] = row2[k], row3[k]
 
 
 @inner
-def _cell(
-    x: Floats,
-    terms: Floats,
-    b0: float,
-    a0: float,
-    b1: float,
-    a1: float,
-    weight: float,
-    derive: bool,
-) -> float:
-    """Return time and barriers of a cell between two states; inf if there is no law.
+def _law(size: float, s: float, b0: float, a0: float, b1: float, a1: float, derive: bool) -> Law:
+    """Return the law of a cell between two states; its time is infinite if there is none.
 
-    How much of limits is used goes into the cell; with ``derive``, derivatives do, too.
+    Derivatives are 0 without ``derive``.
     """
-    s, size = x[SPLIT], x[SIZE]
-    v0, v1, q = math.sqrt(b0), math.sqrt(b1), 1.0 - s
+    v0, v1, q, none = math.sqrt(b0), math.sqrt(b1), 1.0 - s, (0.0, 0.0, 0.0, 0.0)
     linear = (v0 * (1.0 + s) + v1 * (1.0 + q)) * (1 / 3)
     root = linear * linear + (s * a0 - q * a1) * (2 / 3) * size
     if not root > 0.0:
-        return math.inf
+        return Law(math.inf, v0, v0, v1, a0, a0, a1, 0.0, 0.0, v0, 0.0, 0.0, none, none, none)
     root = math.sqrt(root)
     time = 2.0 * size / (linear + root)
+    per_time = 1.0 / time
     t0, t1 = s * time, q * time
-    am = 2.0 * (v1 - v0) / time - (s * a0 + q * a1)
+    am = 2.0 * (v1 - v0) * per_time - (s * a0 + q * a1)
     vm = v0 + 0.5 * t0 * (a0 + am)
     j0, j1 = (am - a0) / t0, (a1 - am) / t1
     top, low = max(v0, v1, vm), vm
@@ -379,180 +486,205 @@ def _cell(
         inside = vm - 0.5 * am * am / j1
         top, low = max(top, inside), min(low, inside)
     if not low > 0.0:
-        return math.inf
-    rate, jerk = max(abs(a0), abs(am), abs(a1)), max(abs(j0), abs(j1))
+        time = math.inf
+    if not derive or time == math.inf:
+        return Law(time, v0, vm, v1, a0, am, a1, j0, j1, top, 0.0, 0.0, none, none, none)
+    k0, k1 = 0.5 / v0 if v0 > 0.0 else 0.0, 0.5 / v1 if v1 > 0.0 else 0.0
+    y = -time / (3.0 * root)
+    t = y * (1.0 + s) * k0, 0.5 * y * s * time, y * (1.0 + q) * k1, -0.5 * y * q * time
+    z = 2.0 * per_time
+    m = _plus((-z * k0, -s, z * k1, -q), -z * (v1 - v0) * per_time, t)
+    z = 0.5 * t0
+    u = _mix((k0, z, 0.0, 0.0), 0.5 * s * (a0 + am), t, z, m)
+    return Law(time, v0, vm, v1, a0, am, a1, j0, j1, top, k0, k1, t, m, u)
 
-    # derivatives over b0, a0, b1, a1: of the speeds at the ends, of the time, and of acceleration
-    # and speed where the pieces meet
-    k0 = k1 = t00 = t01 = t02 = t03 = m0 = m1 = m2 = m3 = u0 = u1 = u2 = u3 = 0.0
-    if derive:
-        k0, k1 = 0.5 / v0 if v0 > 0.0 else 0.0, 0.5 / v1 if v1 > 0.0 else 0.0
-        y = -time / (3.0 * root)
-        t00, t01 = y * (1.0 + s) * k0, 0.5 * y * s * time
-        t02, t03 = y * (1.0 + q) * k1, -0.5 * y * q * time
-        y, z = -2.0 * (v1 - v0) / (time * time), 2.0 / time
-        m0, m1, m2, m3 = y * t00 - z * k0, y * t01 - s, y * t02 + z * k1, y * t03 - q
-        y, z = 0.5 * s * (a0 + am), 0.5 * t0
-        u0, u1 = k0 + y * t00 + z * m0, y * t01 + z * (1.0 + m1)
-        u2, u3 = y * t02 + z * m2, y * t03 + z * m3
-        for k in range(SLOPE, COLUMNS):
-            x[k] = 0.0
-        _add(x, 1.0, 0.0, t00, t01, t02, t03)
-        y = time / ((b0 + b1) * (b0 + b1))  # about what the time is, over b
-        x[CURVE] += y
-        x[CURVE + 2] += 0.5 * y
-        x[CURVE + 7] += y
-        x[SPEED] = vm
 
-    value: float = time
-    product, pace = 1.0, x[PACE] * (1.0 / NEAR)
-    for end in range(2):
-        room = 1.0 / NEAR - v1 * pace
-        if end == 0:
-            room = (1.0 - x[ROOM]) * (1.0 / NEAR) - vm * pace
-        if room >= 1.0:
-            continue
-        barrier, factor, first, second = _barrier(room)
-        product *= factor
-        value += weight * barrier
-        if derive:
-            first, second = weight * first, weight * second
-            if end == 1:
-                _add(x, first, second, 0.0, 0.0, -pace * k1, 0.0)
-            else:
-                _add(x, first, second, -pace * u0, -pace * u1, -pace * u2, -pace * u3)
+@inlined
+def _plus(x: Quad, p: float, y: Quad) -> Quad:
+    """Return x + p y."""
+    return x[0] + p * y[0], x[1] + p * y[1], x[2] + p * y[2], x[3] + p * y[3]
 
-    # by how much acceleration and jerk may exceed the largest ones at the places
+
+@inlined
+def _times(p: float, x: Quad) -> Quad:
+    """Return p x."""
+    return p * x[0], p * x[1], p * x[2], p * x[3]
+
+
+@inlined
+def _mix(x: Quad, p: float, y: Quad, q: float, z: Quad) -> Quad:
+    """Return x + p y + q z."""
+    return (
+        x[0] + p * y[0] + q * z[0],
+        x[1] + p * y[1] + q * z[1],
+        x[2] + p * y[2] + q * z[2],
+        x[3] + p * y[3] + q * z[3],
+    )
+
+
+@inlined
+def _listed(near: Floats, k: int, which: int, room: float, x: Quad) -> int:
+    """Put a limit, its room and the derivatives of that into the list; return the new end."""
+    near[k, 0], near[k, 1], near[k, 2], near[k, 3], near[k, 4] = room, x[0], x[1], x[2], x[3]
+    near[k, 7] = which
+    return k + 1
+
+
+@inner
+def _limits(
+    x: Floats,
+    terms: Floats,
+    hold: Floats,
+    near: Floats,
+    k: int,
+    law: Law,
+    derive: bool,
+    begins: bool,
+    ends: bool,
+) -> int:
+    """Find what a cell uses of limits; with ``derive``, list those that are near, from ``k`` on.
+
+    Return the end of the list. Where a window begins and ends, the state stays.
+    """
+    s, v0, vm, v1, top = x[SPLIT], law.v0, law.vm, law.v1, law.top
+    a0, am, a1, j0, j1 = law.a0, law.am, law.a1, law.j0, law.j1
+    t0, t1, none = s * law.time, (1.0 - s) * law.time, (0.0, 0.0, 0.0, 0.0)
     signed, parts, rows = x[SIGNED] > 0.0, int(x[PARTS]), int(x[ROWS])
-    free_a, free_j = 0.0, 0.0
-    if signed:
-        part = max(t0, t1) / parts
-        part = 0.125 * part * part
-        square = top * top
-        for r in range(rows):
-            d2, d3 = terms[r, 3], terms[r, 4]
-            over = 4.0 * d2 * top * jerk + 3.0 * (2.0 * d3 * square + d2 * rate) * rate
-            free_a = max(free_a, over * terms[r, 5] * part)
-            over = 10.0 * (d3 * square + d2 * rate) * jerk + 15.0 * d3 * top * rate * rate
-            free_j = max(free_j, over * part)
-
-    limit_a, limit_j = 1.0 - x[ROOM + 1], 1.0 - x[ROOM + 2]
-    most_a, most_j, share, compared = 0.0, 0.0, 1.0 / parts, 1.0 / x[SPEED]
+    limit_a, limit_j, which = 1.0 - x[ROOM + 1], 1.0 - x[ROOM + 2], 1
+    if derive:
+        pace = x[PACE] * (1.0 / NEAR)
+        slopes = (
+            (-pace * law.of_v0, 0.0, 0.0, 0.0),
+            _times(-pace, law.of_vm),
+            (0.0, 0.0, -pace * law.of_v1, 0.0),
+        )
+        for i, (v, fixed) in enumerate(((v0, begins), (vm, False), (v1, ends))):
+            room = (1.0 - x[ROOM]) * (1.0 / NEAR) - v * pace
+            if room < 1.0 and not fixed:
+                k = _listed(near, k, i, room, slopes[i])
+            else:
+                hold[i, 1] = 0.0
+    most_a, most_j, share, compared = 0.0, 0.0, 1.0 / parts, 1.0 / vm
+    # magnitudes are those of the worst signs; next to an acceleration of 0, of both
+    sides = 2 if not signed and terms[0, 1] + terms[0, 2] > 0.0 else 1
     for piece in range(2):
-        span, begin, v, a, j, e = t0, 0.0, v0, a0, j0, am
+        span, begin, v, a, j, last = t0, 0.0, v0, a0, j0, am
         if piece == 1:
-            span, v, a, j, e = t1, vm, am, j1, a1
+            span, v, a, j, last = t1, vm, am, j1, a1
             begin = (v0 + (a0 * (1 / 3) + am * (1 / 6)) * t0) * t0
-        for k in range(parts + 1):
-            z = k * share
-            gain = z * (a + 0.5 * z * (e - a))  # of speed, over the time of the piece
-            now, fast = a + z * (e - a), v + span * gain
-            square = fast * fast
+        for place in range(parts + 1):
+            z = place * share
+            now, fast = a + z * (last - a), v + span * z * (a + 0.5 * z * (last - a))
+            square, scale = fast * fast, fast * compared
             at, way_a, way_j = 0.0, 1.0, 1.0
             if signed:
-                at = begin + span * z * (v + span * z * (0.5 * a + z * (1 / 6) * (e - a)))
-            else:  # magnitudes are those of the worst signs
+                at = begin + span * z * (v + span * z * (0.5 * a + z * (1 / 6) * (last - a)))
+            else:
                 way_a, way_j = math.copysign(1.0, now), math.copysign(1.0, j)
-            scale = fast * compared
             slow = scale < SLOW
             if slow:
                 scale = 1.0
-            near_a, near_j, close = limit_a - NEAR, limit_j - NEAR * scale, 1.0 / (NEAR * scale)
-            known = False  # derivatives of what is there: speed, acceleration, jerk, and the place
-            v_0 = v_1 = v_2 = v_3 = a_0 = a_1 = a_2 = a_3 = j_0 = j_1 = j_2 = j_3 = 0.0
-            s_0 = s_1 = s_2 = s_3 = 0.0
-            for r in range(rows):
+            near_a, near_j = limit_a - NEAR, limit_j - NEAR * scale
+            known, of_s, of_v, of_a, of_j = False, none, none, none, none
+            for i in range(sides * rows):
+                r = i
+                if i >= rows:
+                    r = i - rows
+                    way_a = -math.copysign(1.0, now)
                 d1, d2, d3, ratio = terms[r, 0], terms[r, 1], terms[r, 2], terms[r, 5]
                 if signed:
                     d1, d2 = d1 + (d2 + 0.5 * d3 * at) * at, d2 + d3 * at
                 f_a = ratio * (d2 * square + way_a * d1 * now)
                 f_j = way_j * d1 * j + (3.0 * way_a * d2 * now + d3 * square) * fast
                 most_a, most_j = max(most_a, abs(f_a)), max(most_j, abs(f_j))
-                if abs(f_a) <= near_a and abs(f_j) <= near_j:
+                if not derive:
                     continue
-                for which in range(2):
+                which += 2
+                is_near_a, is_near_j = abs(f_a) > near_a, abs(f_j) > near_j
+                if not is_near_a:
+                    hold[which, 1] = 0.0
+                if not is_near_j:
+                    hold[which + 1, 1] = 0.0
+                if not known and (is_near_a or is_near_j):
+                    known = True
+                    of_s, of_v, of_a, of_j = _there(law, s, piece, z)
+                if is_near_a:
+                    y = math.copysign(ratio * (1.0 / NEAR), -f_a)
                     room = (limit_a - abs(f_a)) * (1.0 / NEAR)
-                    if which == 1:
-                        room = (limit_j - abs(f_j)) * close
-                    if room >= 1.0:
-                        continue
-                    barrier, factor, first, second = _barrier(room)
-                    product *= factor
-                    value += weight * barrier
-                    if not derive:
-                        continue
-                    if not known:
-                        known = True
-                        y, u = span * z * (1.0 - 0.5 * z), 0.5 * span * z * z
-                        f = (v + span * z * (a + z * (1 / 3) * (e - a))) * z
-                        g, h = (0.5 - z * (1 / 6)) * (span * z), (1 / 6) * span * z * z
-                        g, h = g * (span * z), h * (span * z)
-                        if piece == 0:
-                            f *= s
-                            s_0, s_1 = span * z * k0 + f * t00 + h * m0, f * t01 + h * m1 + g
-                            s_2, s_3 = f * t02 + h * m2, f * t03 + h * m3
-                            h, d = s * gain, -s * j0
-                            v_0, v_1 = k0 + h * t00 + u * m0, h * t01 + u * m1 + y
-                            v_2, v_3 = h * t02 + u * m2, h * t03 + u * m3
-                            a_0, a_1, a_2, a_3 = z * m0, z * m1 + 1.0 - z, z * m2, z * m3
-                            j_0, j_1 = (m0 + d * t00) / t0, (m1 - 1.0 + d * t01) / t0
-                            j_2, j_3 = (m2 + d * t02) / t0, (m3 + d * t03) / t0
-                        else:
-                            f = f * q + s * (v0 + t0 * (a0 * (2 / 3) + am * (1 / 3)))
-                            g += (1 / 6) * t0 * t0
-                            s_0 = span * z * u0 + t0 * k0 + f * t00 + g * m0
-                            s_1 = span * z * u1 + (1 / 3) * t0 * t0 + f * t01 + g * m1
-                            s_2 = span * z * u2 + f * t02 + g * m2
-                            s_3 = span * z * u3 + f * t03 + g * m3 + h
-                            h, d = q * gain, -q * j1
-                            v_0, v_1 = u0 + h * t00 + y * m0, u1 + h * t01 + y * m1
-                            v_2, v_3 = u2 + h * t02 + y * m2, u3 + h * t03 + y * m3 + u
-                            j_0, j_1 = (d * t00 - m0) / t1, (d * t01 - m1) / t1
-                            j_2, j_3 = (d * t02 - m2) / t1, (1.0 - m3 + d * t03) / t1
-                            h = 1.0 - z
-                            a_0, a_1, a_2, a_3 = h * m0, h * m1, h * m2, h * m3 + z
-                    if which == 0:
-                        y = math.copysign(ratio / NEAR, -f_a)
-                        of_v, of_a, of_j = 2.0 * y * d2 * fast, y * way_a * d1, 0.0
-                        of_s = y * (d3 * square + d2 * now)
-                    else:
-                        y = math.copysign(close, -f_j)
-                        of_v = 3.0 * y * (way_a * d2 * now + d3 * square)
-                        if not slow:
-                            of_v -= room / fast
-                        of_a, of_j = 3.0 * y * way_a * d2 * fast, y * way_j * d1
-                        of_s = y * (d2 * j + 3.0 * d3 * fast * now)
-                    if not signed:
-                        of_s = 0.0
-                    _add(
-                        *(x, weight * first, weight * second),
-                        of_v * v_0 + of_a * a_0 + of_j * j_0 + of_s * s_0,
-                        of_v * v_1 + of_a * a_1 + of_j * j_1 + of_s * s_1,
-                        of_v * v_2 + of_a * a_2 + of_j * j_2 + of_s * s_2,
-                        of_v * v_3 + of_a * a_3 + of_j * j_3 + of_s * s_3,
-                    )
-    value -= weight * math.log(product)
+                    slope = _plus(_times(2.0 * y * d2 * fast, of_v), y * way_a * d1, of_a)
+                    if signed:
+                        slope = _plus(slope, y * (d3 * square + d2 * now), of_s)
+                    k = _listed(near, k, which, room, slope)
+                if is_near_j:
+                    close = 1.0 / (NEAR * scale)
+                    y = math.copysign(close, -f_j)
+                    room = (limit_j - abs(f_j)) * close
+                    z_v = 3.0 * y * (way_a * d2 * now + d3 * square)
+                    if not slow:
+                        z_v -= room / fast
+                    slope = _plus(_times(z_v, of_v), 3.0 * y * way_a * d2 * fast, of_a)
+                    z_s = y * (d2 * j + 3.0 * d3 * fast * now) if signed else 0.0
+                    slope = _mix(slope, y * way_j * d1, of_j, z_s, of_s)
+                    k = _listed(near, k, which + 1, room, slope)
+    free_a, free_j = _margins(terms, rows, law, max(t0, t1) * share, signed)
     if not signed:  # all terms are at their worst together
-        for r in range(rows):
-            d1, d2, d3 = terms[r, 0], terms[r, 1], terms[r, 2]
-            free_a = max(free_a, terms[r, 5] * (d2 * top * top + d1 * rate))
-            free_j = max(free_j, d1 * jerk + (3.0 * d2 * rate + d3 * top * top) * top)
         free_a, free_j = max(0.0, free_a - most_a), max(0.0, free_j - most_j)
     x[USED] = max(top * x[PACE], most_a + free_a, most_j + free_j)
     x[FREE] = (top - max(v0, v1, vm)) * x[PACE]
     x[FREE + 1], x[FREE + 2] = free_a, free_j
-    if derive:  # curvature where no limit is near
-        strongest = 0.0
-        for r in range(rows):
-            strongest = max(strongest, abs(terms[r, 0]))
-        y, z = strongest / t0, -strongest * j0 / time
-        _add(
-            *(x, 0.0, RESTRAINT * weight, y * m0 + z * t00, y * (m1 - 1.0) + z * t01),
-            *(y * m2 + z * t02, y * m3 + z * t03),
+    return k
+
+
+@inner
+def _margins(terms: Floats, rows: int, law: Law, span: float, signed: bool) -> tuple[float, float]:
+    """Return by how much acceleration and jerk may exceed those at places ``span`` seconds apart.
+
+    Without signs, it is the largest that there can be of both.
+    """
+    top, rate = law.top, max(abs(law.a0), abs(law.am), abs(law.a1))
+    jerk, square = max(abs(law.j0), abs(law.j1)), top * top
+    free_a, free_j, part = 0.0, 0.0, 0.125 * span * span
+    for r in range(rows):
+        if signed:
+            d2, d3 = terms[r, 3], terms[r, 4]
+            over = 4.0 * d2 * top * jerk + 3.0 * (2.0 * d3 * square + d2 * rate) * rate
+            free_a = max(free_a, over * terms[r, 5] * part)
+            over = 10.0 * (d3 * square + d2 * rate) * jerk + 15.0 * d3 * top * rate * rate
+            free_j = max(free_j, over * part)
+        else:
+            d1, d2, d3 = terms[r, 0], terms[r, 1], terms[r, 2]
+            free_a = max(free_a, terms[r, 5] * (d2 * square + d1 * rate))
+            free_j = max(free_j, d1 * jerk + (3.0 * d2 * rate + d3 * square) * top)
+    return free_a, free_j
+
+
+@inlined
+def _there(law: Law, s: float, piece: int, z: float) -> tuple[Quad, Quad, Quad, Quad]:
+    """Return the derivatives of place, speed, acceleration and jerk at part ``z`` of a piece."""
+    t, m, u = law.of_time, law.of_am, law.of_vm
+    q, t0 = 1.0 - s, s * law.time
+    if piece == 0:
+        span, v, a, more, per = t0, law.v0, law.a0, law.am - law.a0, 1.0 / t0
+    else:
+        span, v, a, more = q * law.time, law.vm, law.am, law.a1 - law.am
+        per = 1.0 / span
+    y = span * z
+    gain, f = z * (a + 0.5 * z * more), z * (v + y * (a + z * (1 / 3) * more))
+    g, h = (0.5 - z * (1 / 6)) * y * y, z * (1 / 6) * y * y
+    early, late = y * (1.0 - 0.5 * z), 0.5 * y * z
+    if piece == 0:
+        k0 = law.of_v0
+        return (
+            _mix((y * k0, g, 0.0, 0.0), s * f, t, h, m),
+            _mix((k0, early, 0.0, 0.0), s * gain, t, late, m),
+            _plus((0.0, 1.0 - z, 0.0, 0.0), z, m),
+            _mix((0.0, -per, 0.0, 0.0), -s * law.j0 * per, t, per, m),
         )
-        y, z = -strongest / t1, -strongest * j1 / time
-        _add(
-            *(x, 0.0, RESTRAINT * weight, y * m0 + z * t00, y * m1 + z * t01),
-            *(y * m2 + z * t02, y * (m3 - 1.0) + z * t03),
-        )
-    return value
+    f = q * f + s * (law.v0 + t0 * (law.a0 * (2 / 3) + law.am * (1 / 3)))
+    begin = t0 * law.of_v0, (1 / 3) * t0 * t0, 0.0, h
+    return (
+        _plus(_mix(begin, f, t, g + (1 / 6) * t0 * t0, m), y, u),
+        _plus(_mix((0.0, 0.0, 0.0, late), q * gain, t, early, m), 1.0, u),
+        _plus((0.0, 0.0, 0.0, z), 1.0 - z, m),
+        _mix((0.0, 0.0, 0.0, per), -q * law.j1 * per, t, -per, m),
+    )

@@ -57,17 +57,18 @@ PLACES = 12  # of a piece, besides its begin, at most
 
 # Columns of a cell of a window
 SIGNED = 0  # 1 if terms have signs, 0 if they are magnitudes
-PARTS = 1  # between the places of a piece
-ROWS = 2
-SIZE, SPLIT, PACE = 3, 4, 5  # the last is 1 / the largest speed
-ROOM = 6  # 3: of speed, acceleration and jerk, kept free, as they may be more between places
-FREE = 9  # 3: how much more that is now
-EXTRA = 12  # kept free besides, where limits were broken
-USED = 13  # of limits, at most
-BEGIN = 14  # the first of its limits that are near
-SLOPE = 15  # 4: of time and barriers, over b, a, b, a at the ends
-CURVE = 19  # (4, 4): the same twice
-COLUMNS = 35
+SIDES = 1  # 2 if magnitudes are those of both signs of the acceleration, 1 elsewhere
+PARTS = 2  # between the places of a piece
+ROWS = 3
+SIZE, SPLIT, PACE = 4, 5, 6  # the last is 1 / the largest speed
+ROOM = 7  # 3: of speed, acceleration and jerk, kept free, as they may be more between places
+FREE = 10  # 3: how much more that is now
+EXTRA = 13  # kept free besides, where limits were broken
+USED = 14  # of limits, at most
+BEGIN = 15  # the first of its limits that are near
+SLOPE = 16  # 4: of time and barriers, over b, a, b, a at the ends
+CURVE = 20  # (4, 4): the same twice
+COLUMNS = 36
 
 # Rows of b and a: as they are, before the last step, and the best ones that keep limits
 NOW, BEFORE, GOOD = 0, 2, 4
@@ -246,13 +247,13 @@ def _prepare(
     after = cells.element[c + 1] if c + 1 < cells.size.size else path.length.size
     x[SIZE], x[SPLIT], x[PACE] = size, split[c], share[0, 0]
     x[ROOM] = x[ROOM + 1] = x[ROOM + 2] = x[EXTRA] = 0.0
-    k, turn = 0, 0.0
-    if not (is_bent(cells, c) and after <= e + 1 and path.omega[e] == 0.0):
+    k, turn, bent = 0, 0.0, is_bent(cells, c)
+    if not (bent and after <= e + 1 and path.omega[e] == 0.0):
         for r in range(cells.rows[cells.row[c]]):
             terms[r, 0], terms[r, 1], terms[r, 2] = share[r, 2], share[r, 4] * (1 / 3), share[r, 5]
             terms[r, 5] = share[r, 1] / share[r, 2]
             k += 1
-        x[SIGNED], x[PARTS], x[ROWS] = 0.0, 1.0, k
+        x[SIGNED], x[SIDES], x[PARTS], x[ROWS] = 0.0, 2.0 if bent else 1.0, 1.0, k
         return
     for r in range(limits.velocity.size):
         d1, d2, d3 = 0.0, 0.0, 0.0
@@ -270,7 +271,8 @@ def _prepare(
         terms[k, 3], terms[k, 4] = bend * scale, abs(d3) * scale
         terms[k, 5] = limits.jerk[r] * limits.per_acceleration[r]
         k += 1
-    x[SIGNED], x[PARTS], x[ROWS] = 1.0, 1.0 + min(math.floor(turn / TURN), PLACES - 1.0), k
+    x[SIGNED], x[SIDES], x[ROWS] = 1.0, 1.0, k
+    x[PARTS] = 1.0 + min(math.floor(turn / TURN), PLACES - 1.0)
 
 
 @inner
@@ -565,8 +567,6 @@ def _limits(
             else:
                 hold[i, 1] = 0.0
     most_a, most_j, share, compared = 0.0, 0.0, 1.0 / parts, 1.0 / vm
-    # magnitudes are those of the worst signs; next to an acceleration of 0, of both
-    sides = 2 if not signed and terms[0, 1] + terms[0, 2] > 0.0 else 1
     for piece in range(2):
         span, begin, v, a, j, last = t0, 0.0, v0, a0, j0, am
         if piece == 1:
@@ -579,16 +579,16 @@ def _limits(
             at, way_a, way_j = 0.0, 1.0, 1.0
             if signed:
                 at = begin + span * z * (v + span * z * (0.5 * a + z * (1 / 6) * (last - a)))
-            else:
+            else:  # of the worst signs
                 way_a, way_j = math.copysign(1.0, now), math.copysign(1.0, j)
             slow = scale < SLOW
             if slow:
                 scale = 1.0
             near_a, near_j = limit_a - NEAR, limit_j - NEAR * scale
             known, of_s, of_v, of_a, of_j = False, none, none, none, none
-            for i in range(sides * rows):
+            for i in range(int(x[SIDES]) * rows):
                 r = i
-                if i >= rows:
+                if i >= rows:  # next to an acceleration of 0, both signs may matter
                     r = i - rows
                     way_a = -math.copysign(1.0, now)
                 d1, d2, d3, ratio = terms[r, 0], terms[r, 1], terms[r, 2], terms[r, 5]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 FARTHER: Final = 1.15  # ratio of distances that are tried
 LEAST: Final = 0.05  # of the distance for stopping, to begin with
 FASTER: Final = 1.02  # than a machine can get while it begins to brake, for rounding
+NEAR_BY: Final = 8.0  # distances for stopping: what begins well so far, does
 NEAR: Final = 1e-9  # of an element, or in s: so small a part is none
 
 Floats = NDArray[np.float64]
@@ -153,7 +154,9 @@ class Along:
         """
         if place.element >= self._size:
             return NOTHING
-        found = self._planned(place, [Cap(self.end, override, math.inf)])
+        found = None
+        if self._may_begin(place, override):
+            found = self._planned(place, [Cap(self.end, override, math.inf)])
         if found is not None or not override < place.override:
             return found
         to = min(override * float(self.elements.feed[place.element]), place.speed)
@@ -166,6 +169,16 @@ class Along:
                 return found
             distance *= FARTHER
         return None
+
+    def _may_begin(self, place: Place, override: float) -> bool:
+        """Return whether there is a plan from a place to rest near by: that is known soon."""
+        if place.speed == 0:
+            return True
+        distance = NEAR_BY * self._stopping(place, 0.0)
+        if distance >= self._distance(place, self.end):
+            return True
+        stop = Cap(self._farther(place, distance), override, math.inf)
+        return self._planned(place, [stop]) is not None
 
     def to_rest(self, place: Place, old: Plan) -> Plan:
         """Plan the shortest way to rest; at worst, that of the old plan, which begins there."""

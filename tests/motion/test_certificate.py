@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 from test_plan import MACHINE, program
 
+from pulsewright.compiled import compiled
 from pulsewright.errors import UsageError
 from pulsewright.motion import certificate as module
+from pulsewright.motion import certificate_kernels
 from pulsewright.motion.certificate import certify
 from pulsewright.motion.plan import plan
 
@@ -237,3 +240,36 @@ def test_portions_hide_no_gap_and_no_missing_rest(portion, monkeypatch):
     stops = changed(tolerance=np.zeros(len(CORNER)))
     assert certify(trajectory, stops, MACHINE).missed_rests == 1
     assert certify(plan(stops, MACHINE), stops, MACHINE).missed_rests == 0
+
+
+@compiled(error_model="numpy")
+def interval(along, w: float, law, low: float, high: float) -> tuple:
+    """Return what the certificate says of velocity, acceleration, jerk and its derivative."""
+    return certificate_kernels._interval(along, 0, w, law, 0, low, high)
+
+
+def rates(along, w, law, t):
+    """Return the first four derivatives of position over time, from its series around ``t``."""
+    ahead = np.polynomial.Polynomial([t, 1.0])
+    s = np.polynomial.Polynomial(law)(ahead)
+    turn = w * (s - s(0))
+    cos, sin = math.cos(w * s(0)), math.sin(w * s(0))
+    even, odd = 1 - turn**2 / 2 + turn**4 / 24, turn - turn**3 / 6  # exact up to t^4
+    p1, p2, p3, c, d = along
+    x = np.polynomial.Polynomial([0, p1, p2, p3])(s)
+    x += c * (cos * even - sin * odd) + d * (sin * even + cos * odd)
+    return [abs(x.deriv(k)(0)) for k in (1, 2, 3, 4)]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_bounds_are_exact_at_a_time_and_hold_on_a_stretch(seed):
+    random = np.random.default_rng(seed)
+    along = random.normal(size=5) * ([1, 1, 1, 0, 0] if seed % 2 else 1)
+    w = 0.0 if seed % 2 else random.uniform(0.2, 2)
+    law = np.array([random.uniform(0, 1), 5.0, *random.normal(size=2)])  # forwards up to t = 1
+    at = random.uniform(0, 0.9)
+    found = interval(along[None], w, law[None], at, at)
+    assert found == pytest.approx(rates(along, w, law, at), rel=1e-9)
+    bounds = np.array(interval(along[None], w, law[None], at, at + 0.1))
+    for t in np.linspace(at, at + 0.1, 50):
+        assert (rates(along, w, law, t) <= bounds * (1 + 1e-12)).all()

@@ -1,7 +1,8 @@
 """Compiled bounds of the certificate: branch and bound over time, with intervals.
 
 On a part of a piece, the path coordinate and its rates, and the derivatives of the geometry, lie in
-intervals; so do velocity, acceleration and jerk along a row. A part whose upper bound could be the
+intervals; so do velocity, acceleration and jerk along a row, and the derivative of that. None of
+them exceeds a value near by more than its derivative allows. A part whose upper bound could be the
 worst of all is halved until upper bound and actual values agree.
 """
 
@@ -60,8 +61,10 @@ def _quadratic(a: float, b: float, c: float, low: float, high: float) -> tuple[f
 @inner
 def _interval(
     along: Floats, r: int, w: float, law: Floats, k: int, low: float, high: float
-) -> tuple[float, float, float]:
-    """Return upper bounds of velocity, acceleration and jerk along a row from low to high.
+) -> tuple[float, float, float, float]:
+    """Return upper bounds of velocity, acceleration, jerk and its derivative along a row.
+
+    That is from the time ``low`` to ``high`` of a piece.
 
     ``along`` (rows, 5) has the derivatives of the polynomial along each row, and cosine and sine;
     ``law`` (k, 4) is that of all pieces.
@@ -82,24 +85,35 @@ def _interval(
     if e0 > e1:
         e0, e1 = e1, e0
     f0 = f1 = 6.0 * p3
+    g0 = g1 = 0.0
     if w != 0.0 and (cosine != 0.0 or sine != 0.0):
         least, most = _wave(w * sine, -w * cosine, w * s0, w * s1)
         d0, d1 = d0 + least, d1 + most
         f0, f1 = f0 - w * w * most, f1 - w * w * least
         least, most = _wave(-w * w * cosine, -w * w * sine, w * s0, w * s1)
         e0, e1 = e0 + least, e1 + most
+        g0, g1 = -w * w * most, -w * w * least
     velocity = max(abs(d0), abs(d1)) * max(abs(v0), abs(v1))
-    q0, q1 = _product(v0, v1, v0, v1)
-    x0, x1 = _product(e0, e1, max(q0, 0.0), q1)
+    square0, square1 = _product(v0, v1, v0, v1)
+    square0 = max(square0, 0.0)
+    x0, x1 = _product(e0, e1, square0, square1)
     y0, y1 = _product(d0, d1, a0, a1)
     acceleration = max(abs(x0 + y0), abs(x1 + y1))
-    q0, q1 = _product(max(q0, 0.0), q1, v0, v1)
+    q0, q1 = _product(square0, square1, v0, v1)
     x0, x1 = _product(f0, f1, q0, q1)
     q0, q1 = _product(v0, v1, a0, a1)
     y0, y1 = _product(e0, e1, 3.0 * q0, 3.0 * q1)
     z0, z1 = _product(d0, d1, j, j)
     jerk = max(abs(x0 + y0 + z0), abs(x1 + y1 + z1))
-    return velocity, acceleration, jerk
+    q0, q1 = _product(square0, square1, square0, square1)
+    x0, x1 = _product(g0, g1, q0, q1)
+    q0, q1 = _product(square0, square1, a0, a1)
+    y0, y1 = _product(f0, f1, 6.0 * q0, 6.0 * q1)
+    q0, q1 = _product(a0, a1, a0, a1)
+    u0, u1 = _product(v0, v1, 4.0 * j, 4.0 * j)
+    z0, z1 = _product(e0, e1, 3.0 * max(q0, 0.0) + u0, 3.0 * q1 + u1)
+    change = max(abs(x0 + y0 + z0), abs(x1 + y1 + z1))
+    return velocity, acceleration, jerk, change
 
 
 @inner
@@ -133,7 +147,7 @@ def worst(
     most, actual = np.zeros((3, count)), np.zeros((3, count))
     where = np.zeros((3, count), np.int64)
     along, moves = np.zeros((count, 5)), np.zeros(count, np.bool_)  # of one element, per row
-    value = np.empty(3)
+    value, peak = np.empty(3), np.empty(3)
     begin, end, depth = np.empty(2 * DEPTH), np.empty(2 * DEPTH), np.empty(2 * DEPTH, np.int64)
     for k in range(element.size):
         e, time = element[k], start[k + 1] - start[k]
@@ -161,19 +175,25 @@ def worst(
             while n >= 0:
                 low, high, deep = begin[n], end[n], depth[n]
                 n -= 1
-                value[0], value[1], value[2] = _interval(along, r, omega[e], law, k, low, high)
+                bound = _interval(along, r, omega[e], law, k, low, high)
                 settled = True
                 for q in range(3):
-                    value[q] /= limit[q, r]
+                    value[q] = bound[q] / limit[q, r]
                     settled &= value[q] <= _enough(actual[q, r], most[q, r], deep)
                 if not settled and deep < DEPTH:
                     middle = 0.5 * (low + high)
+                    for q in range(3):
+                        peak[q] = 0.0
                     for at in (low, middle, high):
                         here = _interval(along, r, omega[e], law, k, at, at)
                         for q in range(3):
-                            actual[q, r] = max(actual[q, r], here[q] / limit[q, r])
+                            peak[q] = max(peak[q], here[q])
                     settled = True
                     for q in range(3):
+                        actual[q, r] = max(actual[q, r], peak[q] / limit[q, r])
+                        # a quarter of the time from one of the three, at most
+                        far = peak[q] + 0.25 * (high - low) * bound[q + 1]
+                        value[q] = min(value[q], far / limit[q, r])
                         settled &= value[q] <= _enough(actual[q, r], most[q, r], deep)
                     if not settled:
                         n += 1

@@ -37,7 +37,7 @@ WINDOW: Final = 1 << 12  # moves that are planned at once
 UNSURE: Final = 68  # moves at the end, whose chords may change with those that follow
 RUNS: Final = 3  # and chords, whose blends may
 LOOK_AHEAD: Final = 2.0  # of the time for stopping: from there on, the end is not felt
-TRIES: Final = 40  # places in that time to begin from
+TRIES: Final = 16  # places in that time to begin from
 
 
 @dataclass(frozen=True)

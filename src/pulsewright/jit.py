@@ -18,6 +18,7 @@ from typing import Any, Final
 import numba
 from numba import types
 from numba.core import event
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime.nrt import rtsys
 
 _ROOT: Final = Path(__file__).parents[1]
@@ -91,11 +92,12 @@ def _vectorized(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
     def vectorized(signature: Any) -> Any:
         settings: Any = numba.config
-        before, settings.SLP_VECTORIZE = settings.SLP_VECTORIZE, 1
-        try:
-            return compile_(signature)
-        finally:
-            settings.SLP_VECTORIZE = before
+        with global_compiler_lock:  # else two threads could leave it on
+            before, settings.SLP_VECTORIZE = settings.SLP_VECTORIZE, 1
+            try:
+                return compile_(signature)
+            finally:
+                settings.SLP_VECTORIZE = before
 
     return vectorized
 

@@ -32,7 +32,7 @@ from pulsewright.motion.path import Elements, Floats, Limits
 WINDOW = 192  # cells at once
 SMALLEST = 16  # cells, where larger windows find nothing better
 MATTERS = 0.005  # of a run's time, lost to the second-order optimum
-WORTH = 0.02  # of a window's time, lost the same way
+WORTH = 0.025  # of a window's time, lost the same way
 STEPS = 20  # of Newton's method
 BARRIER = 0.04  # weight of barriers at first, over the mean time of a cell
 LEAST = 2e-4  # the same at last

@@ -32,12 +32,12 @@ from pulsewright.motion.path import Elements, Floats, Limits
 WINDOW = 192  # cells at once
 SMALLEST = 16  # cells, where larger windows find nothing better
 MATTERS = 0.005  # of a run's time, lost to the second-order optimum
-WORTH = 0.025  # of a window's time, lost the same way
+WORTH = 0.03  # of a window's time, lost the same way
 STEPS = 20  # of Newton's method
 BARRIER = 0.04  # weight of barriers at first, over the mean time of a cell
 LEAST = 2e-4  # the same at last
 SOFTER = 0.8  # by which part a whole step makes it less
-CLOSE = 3e-4  # of the time: so little is not worth another step
+CLOSE = 1e-3  # of the time: so little is not worth another step
 NEAR = 0.35  # of a limit: so much before it the barrier begins
 SLACK = 0.3  # of that, at least, where a limit is met the first time
 BOUNDARY = 0.95  # of slacks and forces, used up in a step at most

@@ -42,7 +42,7 @@ NEAR = 0.35  # of a limit: so much before it the barrier begins
 SLACK = 0.3  # of that, at least, where a limit is met the first time
 BOUNDARY = 0.95  # of slacks and forces, used up in a step at most
 FARTHEST = 0.8  # of b, the same
-RESTRAINT = 10.0  # weight against changes of the jerk, over that of barriers
+RESTRAINT = 5.0  # weight against changes of the jerk, over that of barriers
 LITTLE = 1e-6  # part of a step: less is none
 JAMMED = 0.03  # part of a step: something is in the way
 PATIENCE = 4  # such steps one after another: it stays there
@@ -52,7 +52,7 @@ AGAIN = 0.7  # of what limits were broken by: kept free besides
 BACK = (0.0, 0.1, 0.2, 0.4, 0.8)  # of the way to states that keep limits, until others do, too
 FULL = 1.0 - 1e-6  # of the square of the largest speed: such a state stays
 SLOW = 0.3  # of the speed in a cell: from there on, jerks are compared with the speed
-TURN = 0.05  # of a cell that has places at the ends of its pieces only [rad]
+TURN = 0.1  # of a cell that has places at the ends of its pieces only [rad]
 PLACES = 12  # of a piece, besides its begin, at most
 
 # Columns of a cell of a window

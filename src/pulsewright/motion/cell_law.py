@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pulsewright.compiled import inner
+from pulsewright.compiled import inlined, inner
 from pulsewright.motion.path import Floats, Ints
 
 ROUNDING = 1e-8  # of the limits
@@ -38,22 +38,39 @@ def is_bent(cells: Cells, c: int) -> bool:
 @inner
 def two_pieces(
     v0: float, v1: float, a0: float, a1: float, size: float, split: float
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """Return the time of a cell, and acceleration and speed where its two pieces meet.
 
     The first of them, each of constant jerk, lasts ``split`` of that time. The time is negative if
-    there is no solution.
+    there is no solution. The last number is the root that its derivatives are divided by.
     """
     rest = 1.0 - split
-    mean = split * a0 + rest * a1
     linear = (v0 * (1.0 + split) + v1 * (1.0 + rest)) * (1 / 3)
-    bend = (2.0 * (split * split * a0 - rest * rest * a1) - (split - rest) * mean) * (1 / 6)
-    square = linear * linear + 4.0 * bend * size
-    if square <= 0.0:
-        return -1.0, 0.0, 0.0
-    time = 2.0 * size / (linear + math.sqrt(square))
-    middle = 2.0 * (v1 - v0) / time - mean
-    return time, middle, v0 + 0.5 * split * time * (a0 + middle)
+    root = linear * linear + (split * a0 - rest * a1) * (2 / 3) * size
+    if not root > 0.0:
+        return -1.0, 0.0, 0.0, 0.0
+    root = math.sqrt(root)
+    time = 2.0 * size / (linear + root)
+    middle = 2.0 * (v1 - v0) / time - (split * a0 + rest * a1)
+    return time, middle, v0 + 0.5 * split * time * (a0 + middle), root
+
+
+@inlined
+def extremes(
+    v0: float, vm: float, v1: float, a0: float, am: float, a1: float, t0: float, t1: float
+) -> tuple[float, float]:
+    """Return the largest speed in two pieces of constant jerk, and the smallest but for the ends.
+
+    Speeds and accelerations are those at the ends of the pieces, which last ``t0`` and ``t1``.
+    """
+    top, low = max(v0, v1, vm), vm
+    if a0 * am < 0.0:  # an extreme inside the first piece
+        inside = v0 + 0.5 * a0 * t0 * a0 / (a0 - am)
+        top, low = max(top, inside), min(low, inside)
+    if am * a1 < 0.0:
+        inside = vm + 0.5 * am * t1 * am / (am - a1)
+        top, low = max(top, inside), min(low, inside)
+    return top, low
 
 
 @inner
@@ -81,16 +98,10 @@ def _use(
 
     Arguments are few, as this is called most.
     """
-    time, am, vm = two_pieces(v0, v1, a0, a1, size, split)
+    time, am, vm, _ = two_pieces(v0, v1, a0, a1, size, split)
     if time < 0.0:
         return time, 1.0, 1.0, 8.0
-    top, low = max(v0, v1, vm), vm
-    if a0 * am < 0.0:  # an extreme inside the first piece
-        inside = v0 + 0.5 * a0 * split * time * a0 / (a0 - am)
-        top, low = max(top, inside), min(low, inside)
-    if am * a1 < 0.0:
-        inside = vm + 0.5 * am * (1.0 - split) * time * am / (am - a1)
-        top, low = max(top, inside), min(low, inside)
+    top, low = extremes(v0, vm, v1, a0, am, a1, split * time, (1.0 - split) * time)
     if low < 0.0:  # back and forth
         return -1.0, 1.0, 1.0, 8.0
     rate = max(abs(a0), abs(a1), abs(am))

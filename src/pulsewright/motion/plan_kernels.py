@@ -770,7 +770,7 @@ def _bridged(
             v0, v1 = math.sqrt(b[low]), math.sqrt(b[high])
             for way in range(3):
                 share = 0.5 + 0.2 * (way if way < 2 else -1)
-                time, middle, _ = two_pieces(v0, v1, a[low], a[high], total, share)
+                time, middle, _, _ = two_pieces(v0, v1, a[low], a[high], total, share)
                 if time > 0.0 and _spread(task, b, a, low, high, time, middle, share):
                     for i in range(low, high):
                         broken[i] = False
@@ -1236,7 +1236,7 @@ def law(
         after = at[c + 1] if c + 1 < n else m
         final = max(after - 1, e)  # the last element of the cell
         v0, v1 = math.sqrt(b[c]), math.sqrt(b[c + 1])
-        whole, middle, vm = two_pieces(v0, v1, a[c], a[c + 1], size[c], split[c])
+        whole, middle, vm, _ = two_pieces(v0, v1, a[c], a[c + 1], size[c], split[c])
         for half in range(2):
             v, x = (v0, a[c]) if half == 0 else (vm, middle)
             end = middle if half == 0 else a[c + 1]

@@ -26,7 +26,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from pulsewright.compiled import compiled, inlined, inner
-from pulsewright.motion.cell_law import ROUNDING, Cells, is_bent
+from pulsewright.motion.cell_law import ROUNDING, Cells, extremes, is_bent, two_pieces
 from pulsewright.motion.path import Elements, Floats, Limits
 
 WINDOW = 192  # cells at once
@@ -52,7 +52,7 @@ AGAIN = 0.7  # of what limits were broken by: kept free besides
 BACK = (0.0, 0.1, 0.2, 0.4, 0.8)  # of the way to states that keep limits, until others do, too
 FULL = 1.0 - 1e-6  # of the square of the largest speed: such a state stays
 SLOW = 0.3  # of the speed in a cell: from there on, jerks are compared with the speed
-TURN = 0.1  # of a cell that has places at the ends of its pieces only [rad]
+TURN = 0.08  # of a cell that has places at the ends of its pieces only [rad]
 PLACES = 12  # of a piece, besides its begin, at most
 
 # Columns of a cell of a window
@@ -469,24 +469,12 @@ def _law(size: float, s: float, b0: float, a0: float, b1: float, a1: float, deri
     Derivatives are 0 without ``derive``.
     """
     v0, v1, q, none = math.sqrt(b0), math.sqrt(b1), 1.0 - s, (0.0, 0.0, 0.0, 0.0)
-    linear = (v0 * (1.0 + s) + v1 * (1.0 + q)) * (1 / 3)
-    root = linear * linear + (s * a0 - q * a1) * (2 / 3) * size
-    if not root > 0.0:
+    time, am, vm, root = two_pieces(v0, v1, a0, a1, size, s)
+    if not time > 0.0:
         return Law(math.inf, v0, v0, v1, a0, a0, a1, 0.0, 0.0, v0, 0.0, 0.0, none, none, none)
-    root = math.sqrt(root)
-    time = 2.0 * size / (linear + root)
-    per_time = 1.0 / time
-    t0, t1 = s * time, q * time
-    am = 2.0 * (v1 - v0) * per_time - (s * a0 + q * a1)
-    vm = v0 + 0.5 * t0 * (a0 + am)
+    per_time, t0, t1 = 1.0 / time, s * time, q * time
     j0, j1 = (am - a0) / t0, (a1 - am) / t1
-    top, low = max(v0, v1, vm), vm
-    if a0 * am < 0.0:  # an extreme inside the first piece
-        inside = v0 - 0.5 * a0 * a0 / j0
-        top, low = max(top, inside), min(low, inside)
-    if am * a1 < 0.0:
-        inside = vm - 0.5 * am * am / j1
-        top, low = max(top, inside), min(low, inside)
+    top, low = extremes(v0, vm, v1, a0, am, a1, t0, t1)
     if not low > 0.0:
         time = math.inf
     if not derive or time == math.inf:

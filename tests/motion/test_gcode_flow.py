@@ -239,6 +239,14 @@ def test_plan_canon_prints_and_saves(tmp_path):
     assert read_tools(table, INCH)[1].offset[2] == pytest.approx(50.8)
 
 
+@pytest.mark.parametrize(("system", "x"), [(2, 5), (2.7, 5), (0, 1), (10, 1)])
+def test_a_program_begins_in_the_system_of_the_parameter_file(system, x):
+    """As rs274 has it: a number that is none of them is the first one."""
+    assert positions("G0 X0", parameters={5220: system, 5221: 1, 5241: 5}) == [x]
+    turned = {5220: 9, 5381: 3, 5390: 90}
+    assert positions("G0 X0 Y2", parameters=turned) == pytest.approx([1])
+
+
 # What planned motion gets from it
 
 

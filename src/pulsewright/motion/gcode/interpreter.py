@@ -30,6 +30,7 @@ from pulsewright.motion.gcode.machine_codes import MachineCodes
 from pulsewright.motion.gcode.mode_codes import ModeCodes
 from pulsewright.motion.gcode.motion_codes import MotionCodes
 from pulsewright.motion.gcode.origin_codes import OriginCodes
+from pulsewright.motion.gcode.parameters import DEBUG
 from pulsewright.motion.gcode.reader import Block, Comment, Line
 from pulsewright.motion.gcode.settings import FARTHEST, InterpreterSettings
 from pulsewright.motion.gcode.splines import SplineCodes
@@ -101,7 +102,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
         """Say the state in which every program starts."""
         for call in (
             c.UseLengthUnits(1.0),
-            c.SetG5xOffset(1, self.frame.work),
+            c.SetG5xOffset(self.modal.system, self.frame.work),
             c.SetG92Offset(self.frame.shift),
             c.SetXYRotation(self.frame.rotation),
             c.SetFeedReference(),
@@ -331,7 +332,8 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
         elif kind == "msg":
             self._emit(c.Message(text))
         elif kind == "debug":
-            self._emit(c.Message(self.parameters.fill_in(text)))
+            if self.parameters.numbered[DEBUG] > 0:
+                self._emit(c.Message(self.parameters.fill_in(text)))
         elif kind == "print":
             self._emit(c.Print(self.parameters.fill_in(text)))
         elif kind == "log":

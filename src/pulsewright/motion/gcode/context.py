@@ -273,6 +273,12 @@ class Context:
             self._emit(c.SetFeedRate(max(length * feed, SLOWEST), modal.scale))
         elif modal.feed <= 0:
             self._refuse_zero_feed(block)
+        elif modal.feed_mode == 950 and modal.speed <= 0:
+            raise block.fault(
+                "G95 feeds by the turns of the spindle, whose speed is 0; set it with S",
+                {"G", *AXIS_WORDS},
+                self._motion_code(block),
+            )
 
     def _motion_code(self, block: Block) -> int | None:
         return next((code for code in block.g if G_GROUPS.get(code) is MOTION), None)

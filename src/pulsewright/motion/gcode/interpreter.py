@@ -16,6 +16,7 @@ from pulsewright.motion.gcode.codes import (
     G_REFUSED,
     M_GROUPS,
     M_REFUSED,
+    MOST_M_CODES,
     MOTION,
     PLANES,
     PROBES,
@@ -277,6 +278,10 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
     def _classify(self, block: Block) -> Mapping[Group, int]:
         """Return the codes of a line by their groups."""
         groups: dict[Group, int] = {}
+        if len(block.m) > MOST_M_CODES:
+            raise block.fault(
+                f"a line may hold {MOST_M_CODES} M codes, not {len(block.m)}", "M", block.m[-1]
+            )
         for letter, codes, table, refused in (
             ("G", block.g, G_GROUPS, G_REFUSED),
             ("M", block.m, M_GROUPS, M_REFUSED),

@@ -51,6 +51,7 @@ CASES = [
     ("G0 X#<_nothing>", 1, 5, "#<_nothing>", "#<_nothing> has not been set"),
     # the flow of control
     ("O100 sub", 1, 1, "O100 sub", "not closed by o100 endsub"),
+    ("o1 sub\no1 endsub\no1 sub\no1 endsub", 3, 1, "o1 sub", "o1 sub is in line 1 already"),
     ("O100 if [1]\nG0 X1", 1, 1, "O100 if [1]", "not closed by o100 endif"),
     ("o100 do\no100 endwhile", 1, 1, "o100 do", "not closed by o100 while"),
     ("G0 X1\no<a> endwhile", 2, 1, "o<a> endwhile", "belongs to nothing before it"),

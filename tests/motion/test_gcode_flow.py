@@ -100,6 +100,13 @@ def test_m73_restores_the_state_of_the_caller():
     assert positions(text) == [1, 9, 10]
 
 
+def test_after_m71_the_state_of_the_caller_is_not_restored():
+    text = "G0\no1 sub\nM73\nG91\nX1\nM71\n{}\no1 endsub\no1 call\nX2"
+    assert positions(text.format("")) == [1, 3]
+    # what M70 keeps then is restored on return, as rs274 has it
+    assert positions(text.format("M70\nG90 X5")) == [1, 5, 7]
+
+
 def test_the_motion_mode_is_not_kept():
     """The manual of LinuxCNC says so of M70, and of M73 as it works alike."""
     moves = interpret_text("F60\nG1 X1\nM70\nG0 X2\nM72\nX3").moves

@@ -100,6 +100,13 @@ def test_m73_restores_the_state_of_the_caller():
     assert positions(text) == [1, 9, 10]
 
 
+def test_after_m71_the_state_of_the_caller_is_not_restored():
+    text = "G0\no1 sub\nM73\nG91\nX1\nM71\n{}\no1 endsub\no1 call\nX2"
+    assert positions(text.format("")) == [1, 3]
+    # what M70 keeps then is restored on return, as rs274 has it
+    assert positions(text.format("M70\nG90 X5")) == [1, 5, 7]
+
+
 def test_the_motion_mode_is_not_kept():
     """The manual of LinuxCNC says so of M70, and of M73 as it works alike."""
     moves = interpret_text("F60\nG1 X1\nM70\nG0 X2\nM72\nX3").moves
@@ -237,6 +244,14 @@ def test_plan_canon_prints_and_saves(tmp_path):
     saved = read_parameters(variables)
     assert (saved[5241], saved[5222], saved[31], saved[5220]) == (1, 4, 5, 1)
     assert read_tools(table, INCH)[1].offset[2] == pytest.approx(50.8)
+
+
+@pytest.mark.parametrize(("system", "x"), [(2, 5), (2.7, 5), (0, 1), (10, 1)])
+def test_a_program_begins_in_the_system_of_the_parameter_file(system, x):
+    """As rs274 has it: a number that is none of them is the first one."""
+    assert positions("G0 X0", parameters={5220: system, 5221: 1, 5241: 5}) == [x]
+    turned = {5220: 9, 5381: 3, 5390: 90}
+    assert positions("G0 X0 Y2", parameters=turned) == pytest.approx([1])
 
 
 # What planned motion gets from it

@@ -90,7 +90,7 @@ def test_programs_of_the_corpus(corpus, monkeypatch, name):
 
 def test_an_error_in_moves_that_were_to_be_taken_has_its_line(tmp_path, monkeypatch):
     path = tmp_path / "program.ngc"
-    path.write_text("G95 F0.1\nG0 X1\nG1 X2\n" + "".join(f"X{n}\n" for n in range(3, 30)))
+    path.write_text("G95 F0.1\nG0 X1\nG81 X2 Z-1 R1\n" + "".join(f"X{n}\n" for n in range(3, 9)))
     monkeypatch.setattr(recorder, "MANY", 5)
     with pytest.raises(GcodeError, match="its speed is 0") as found:
         interpret(path, settings=SETTINGS, take=lambda _: None)

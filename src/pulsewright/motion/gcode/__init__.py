@@ -2,8 +2,9 @@
 
 The dialect, and what is chosen where machines differ:
 
-- At the start: G21 G17 G90 G91.1 G94 G54 G49 G64 (blending within the machine's own tolerance),
-  G99, no motion mode, feed 0, spindle and coolant off.
+- At the start: G21 G17 G90 G91.1 G94 G49 G64 (blending within the machine's own tolerance), G99,
+  no motion mode, feed 0, spindle and coolant off; the coordinate system of parameter 5220, which
+  is G54 where no parameter file says another.
 - Motion: G0 G1, G2 G3 (I J K or R, helices, P turns, G17 G18 G19), G53, polar ``@`` ``^``, G80, G28
   and G30 (``.1`` stores), G33 G33.1 G76 with the spindle, G38.2 to G38.5, splines in G17 (G5, G5.1,
   G5.2 to G5.3).

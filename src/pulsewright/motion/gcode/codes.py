@@ -82,6 +82,8 @@ M_GROUPS: Final[dict[int, Group]] = {
     for code in codes
 }
 
+MOST_M_CODES: Final = 4  #: in a line
+
 #: Codes of the full dialect that are refused, with what they are.
 G_REFUSED: Final[dict[int, str]] = {
     **dict.fromkeys((171, 181, 191), "planes of U, V, W"),

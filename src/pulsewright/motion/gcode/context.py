@@ -105,11 +105,13 @@ class Context:
             parameters.numbered[number] = float(value)
         parameters.position = self._position_parameter
         parameters.predefined = self._predefined()
-        parameters.numbered[SYSTEM] = 1.0
+        system = int(parameters.numbered[SYSTEM])
+        self.modal.system = system if 1 <= system <= len(SYSTEMS) else 1
+        parameters.numbered[SYSTEM] = self.modal.system
 
         shift = self._stored(G92_OFFSET) if parameters.numbered[G92_ON] else list(ZERO)
         self.frame = Frame(shift=tuple(shift))
-        self._use_system_frame(1)
+        self._use_system_frame(self.modal.system)
         self.position = self.frame.to_program(settings.start)
 
     def _emit(self, call: tuple[object, ...]) -> None:
@@ -271,6 +273,12 @@ class Context:
             self._emit(c.SetFeedRate(max(length * feed, SLOWEST), modal.scale))
         elif modal.feed <= 0:
             self._refuse_zero_feed(block)
+        elif modal.feed_mode == 950 and modal.speed <= 0:
+            raise block.fault(
+                "G95 feeds by the turns of the spindle, whose speed is 0; set it with S",
+                {"G", *AXIS_WORDS},
+                self._motion_code(block),
+            )
 
     def _motion_code(self, block: Block) -> int | None:
         return next((code for code in block.g if G_GROUPS.get(code) is MOTION), None)
@@ -360,7 +368,9 @@ class Context:
             "_CURRENT_TOOL": lambda: float(self._tool),
             "_CURRENT_POCKET": lambda: float(self._pocket(self._tool)),
             "_SELECTED_TOOL": lambda: float(self._next_tool),
-            "_SELECTED_POCKET": lambda: float(self._pocket(self._next_tool)),
+            "_SELECTED_POCKET": lambda: float(
+                self._pocket(self._next_tool) if self._next_tool else -1
+            ),
             "_TASK": lambda: 0.0,
             "_REMAP_LEVEL": lambda: 0.0,
         }

@@ -275,7 +275,14 @@ class Flow:
         return [node.value(parameters) for node in word.values]
 
     def _sub(self, word: OWord, i: int) -> int:
-        return self._construct(word, i).after
+        construct = self._construct(word, i)
+        first = self._source.subroutines[construct.label]
+        if first is not construct:
+            word.span.fail(
+                f"{word.name} sub is in line {first.head + 1} already; give each subroutine a "
+                "number or name of its own"
+            )
+        return construct.after
 
     def _if(self, word: OWord, i: int) -> int:
         construct = self._construct(word, i)
@@ -413,7 +420,7 @@ class Flow:
     def _leave(self) -> None:
         interpreter = self._interpreter
         call = self._calls[-1]
-        if interpreter.restore_on_return[-1]:
+        if interpreter.restore_on_return[-1] and interpreter.kept[-1] is not None:
             interpreter.restore_state()
         interpreter.kept.pop()
         interpreter.restore_on_return.pop()

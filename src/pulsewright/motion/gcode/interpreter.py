@@ -16,6 +16,7 @@ from pulsewright.motion.gcode.codes import (
     G_REFUSED,
     M_GROUPS,
     M_REFUSED,
+    MOST_M_CODES,
     MOTION,
     PLANES,
     PROBES,
@@ -30,6 +31,7 @@ from pulsewright.motion.gcode.machine_codes import MachineCodes
 from pulsewright.motion.gcode.mode_codes import ModeCodes
 from pulsewright.motion.gcode.motion_codes import MotionCodes
 from pulsewright.motion.gcode.origin_codes import OriginCodes
+from pulsewright.motion.gcode.parameters import DEBUG
 from pulsewright.motion.gcode.reader import Block, Comment, Line
 from pulsewright.motion.gcode.settings import FARTHEST, InterpreterSettings
 from pulsewright.motion.gcode.splines import SplineCodes
@@ -101,7 +103,7 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
         """Say the state in which every program starts."""
         for call in (
             c.UseLengthUnits(1.0),
-            c.SetG5xOffset(1, self.frame.work),
+            c.SetG5xOffset(self.modal.system, self.frame.work),
             c.SetG92Offset(self.frame.shift),
             c.SetXYRotation(self.frame.rotation),
             c.SetFeedReference(),
@@ -276,6 +278,10 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
     def _classify(self, block: Block) -> Mapping[Group, int]:
         """Return the codes of a line by their groups."""
         groups: dict[Group, int] = {}
+        if len(block.m) > MOST_M_CODES:
+            raise block.fault(
+                f"a line may hold {MOST_M_CODES} M codes, not {len(block.m)}", "M", block.m[-1]
+            )
         for letter, codes, table, refused in (
             ("G", block.g, G_GROUPS, G_REFUSED),
             ("M", block.m, M_GROUPS, M_REFUSED),
@@ -331,7 +337,8 @@ class Interpreter(MachineCodes, ModeCodes, OriginCodes, MotionCodes, SplineCodes
         elif kind == "msg":
             self._emit(c.Message(text))
         elif kind == "debug":
-            self._emit(c.Message(self.parameters.fill_in(text)))
+            if self.parameters.numbered[DEBUG] > 0:
+                self._emit(c.Message(self.parameters.fill_in(text)))
         elif kind == "print":
             self._emit(c.Print(self.parameters.fill_in(text)))
         elif kind == "log":

@@ -137,8 +137,8 @@ class MotionCodes(Context):
 
     def _probe(self, code: int, block: Block) -> None:
         self._forbid_compensation(block, "G", code)
-        if self.modal.feed_mode == 930:
-            raise block.fault("probing does not work with inverse time feed (G93)", "G", code)
+        if self.modal.feed_mode != 940:
+            raise block.fault("probing works with feed per minute (G94) only", "G", code)
         end = self._target(block)
         if end == self.position:
             raise block.fault("a probe has to move; this is where it is", AXIS_WORDS)
@@ -174,6 +174,8 @@ class MotionCodes(Context):
                 raise block.fault(f"{name} needs {letter}", "G", code)
         series = self._series
         self._pause = series.get("P", self._pause)
+        if self._pause < 0:
+            raise block.fault("P, the time to wait, must not be negative", "P")
         if "Q" in cycle.words and series["Q"] <= 0:
             raise block.fault("Q, the depth of a peck, must be above 0", "Q")
         if cycle.spindle is not None and not (

@@ -244,5 +244,6 @@ class OriginCodes(Context):
                 self.position[axis] = home[axis]
         self._emit(c.StraightTraverse(self.position.copy()))
 
-    def _store_home(self, command: int, _: Block) -> None:
+    def _store_home(self, command: int, block: Block) -> None:
+        self._forbid_compensation(block, "G", command)
         self._store(HOME[command - 1], self.frame.to_machine(self.position))

@@ -28,6 +28,7 @@ ROTATION: Final = 9  # behind the offset of its system
 INPUT: Final = 5399  # what M66 saw
 TOOL: Final = 5400  # number, then offsets, diameter, angles and orientation
 POSITION: Final = 5420
+DEBUG: Final = 5599  # above 0: (DEBUG,...) is said
 
 #: Numbers that a parameter file always holds.
 KEPT: Final = frozenset(
@@ -118,7 +119,7 @@ class Parameters:
 
     def __init__(self) -> None:
         self.numbered = [0.0] * (LAST_PARAMETER + 1)
-        self.numbered[SYSTEM] = 1.0
+        self.numbered[SYSTEM] = self.numbered[DEBUG] = 1.0
         self.local: dict[str, float] = {}
         self.world: dict[str, float] = {}
         self.position: Callable[[int], float] = lambda _: 0.0

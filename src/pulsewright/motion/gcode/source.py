@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +18,8 @@ from pulsewright.motion.gcode.reader import Label, Line, OWord, read_line
 BLANK: Final = Line("")
 
 _PART: Final = 1 << 16  # bytes searched for line ends at once
+#: A line up to its keyword, of those that divide a condition; names may hold ``else`` too.
+_BRANCH: Final = re.compile(r"(?:.*>)?.*?else", re.IGNORECASE)
 _O_LINE: Final = re.compile(rb"^[ \t]*(?:/[ \t]*)?(?:[nN][ \t0-9.]*)?[oO]", re.MULTILINE)
 
 #: Keywords that end or divide a construct, with those that begin it.
@@ -169,10 +172,17 @@ class Source:
         words = []
         offsets = [match.start() for match in _O_LINE.finditer(self.data)]
         for i in np.searchsorted(self.starts, offsets, side="right") - 1:
-            try:
-                line = self.line(int(i), keep=True)
-            except Fault:
-                continue  # it complains when the program comes by
-            if line.flow is not None and line.flow.label is not None:
+            line = self._o_line(int(i))
+            if line is not None and line.flow is not None and line.flow.label is not None:
                 words.append((int(i), line.flow))
         return words
+
+    def _o_line(self, i: int) -> Line | None:
+        """Return a line, read; None if it cannot be: it complains when the program comes by."""
+        with suppress(Fault):
+            return self.line(i, keep=True)
+        # A condition goes on, and complains, at an else or elseif with a fault behind the keyword.
+        branch = _BRANCH.match(self.text(i))
+        with suppress(Fault):
+            return read_line(branch[0]) if branch else None
+        return None

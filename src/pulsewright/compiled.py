@@ -23,7 +23,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 FEW: Final = 100  # moves that Python is done with before compiled kernels would be loaded
 
-watchers: Final[list[Callable[[str], None]]] = []  # told of modules whose kernels are needed
+watchers: Final[list[Callable[[Kernel], None]]] = []  # told of kernels that are needed
 
 _in_python: ContextVar[bool | None] = ContextVar("in_python", default=None)
 _seen = SimpleNamespace(moves=0.0)  # in this process, towards `FEW`
@@ -45,11 +45,20 @@ class Kernel:
     @cached_property
     def dispatcher(self) -> Any:
         """What numba makes of it."""
+        for told in watchers:
+            told(self)
+        return self._made
+
+    @cached_property
+    def _made(self) -> Any:
         from pulsewright import jit
 
-        for told in watchers:
-            told(self.__module__)
         return jit.dispatcher(self._function, **self._options)
+
+    def kept(self) -> bool:
+        """Return whether it is kept on disk as it is, compiled for arguments of some type."""
+        file = getattr(getattr(self._made, "_cache", None), "_cache_file", None)
+        return file is not None and bool(file._load_index())
 
     @property
     def _numba_type_(self) -> Any:  # what numba asks of a global that a kernel uses
@@ -131,9 +140,7 @@ def always() -> None:
 def kept(module: ModuleType) -> bool:
     """Return whether kernels of a module are kept that it could use now."""
     kernels = [k for k in vars(module).values() if isinstance(k, Kernel)]
-    own = [k.dispatcher for k in kernels if k.__module__ == module.__name__]
-    files = [getattr(getattr(k, "_cache", None), "_cache_file", None) for k in own]
-    return any(file._load_index() for file in files if file is not None)
+    return any(k.kept() for k in kernels if k.__module__ == module.__name__)
 
 
 def _ieee(function: Callable[..., float]) -> Callable[..., np.float64]:

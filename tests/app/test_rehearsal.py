@@ -1,5 +1,6 @@
 """What is compiled ahead is what jobs need, and nobody waits for it or keeps it running."""
 
+import math
 import os
 import re
 import subprocess
@@ -30,7 +31,8 @@ def rehearsed(part, environment):
 def test_kernels_compiled_ahead_are_those_that_jobs_use(tmp_path):
     cache = tmp_path / "cache"
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
-    rehearsed("plan", environment)
+    for part in rehearsal.PLANNER:
+        rehearsed(part, environment)
     ahead = {kernel for kernel, _ in kept(cache)}
     assert {"motion/plan_kernels.speeds", "motion/certificate_kernels.worst"} <= ahead
     program = tmp_path / "two.ngc"
@@ -47,7 +49,7 @@ def test_kernels_compiled_ahead_are_those_that_jobs_use(tmp_path):
         assert not again, "compiled ahead for other types than those of a job"
 
 
-@pytest.mark.parametrize("part", ["plan", *boards.BOARDS])
+@pytest.mark.parametrize("part", [*rehearsal.PLANNER, *boards.BOARDS])
 def test_every_part_can_be_done(part):
     rehearsal.rehearse(part)  # in another process nobody would see that it fails
 
@@ -62,16 +64,45 @@ def needed_kernel(module):
     return compiled.Kernel(function, {})
 
 
-def test_other_processes_end_with_the_block_that_they_compile_for(monkeypatch):
-    monkeypatch.setattr(compiled, "kept", lambda module: False)
+def sleeping(monkeypatch, seconds):
+    """Have other processes sleep instead of what they are for; return the list of them."""
     started = []
     start = subprocess.Popen
 
     def noted(command, **options):
-        started.append(start([sys.executable, "-c", "import time; time.sleep(600)"], **options))
+        sleep = f"import time; time.sleep({seconds})"
+        started.append(start([sys.executable, "-c", sleep], **options))
         return started[-1]
 
     monkeypatch.setattr(subprocess, "Popen", noted)
+    return started
+
+
+@pytest.mark.parametrize(("looks", "seconds"), [(4, 600), (math.inf, 1)])
+def test_a_kernel_that_another_process_compiles_is_waited_for(monkeypatch, looks, seconds):
+    """Until it is ready, or until that process ends without it."""
+    started = sleeping(monkeypatch, seconds)
+    first, other = needed_kernel("pulsewright.motion.path"), needed_kernel("somewhere.else")
+    seen = []
+
+    def kept(kernel):
+        seen.append(kernel)
+        return len(seen) >= looks
+
+    monkeypatch.setattr(compiled.Kernel, "kept", kept)
+    monkeypatch.setattr(rehearsal, "PLANNER", {"speeds": ("other",)})
+    monkeypatch.setattr(rehearsal, "_kernel", {"other": other}.get)
+    with rehearsal.rehearsed():
+        assert first() == 1.0
+        assert len(started) == len(seen) == 1  # whether a process is of use
+        assert other() == 1.0
+        assert len(seen) == looks or started[0].poll() == 0
+        assert set(seen) == {other}
+
+
+def test_other_processes_end_with_the_block_that_they_compile_for(monkeypatch):
+    monkeypatch.setattr(compiled.Kernel, "kept", lambda kernel: False)
+    started = sleeping(monkeypatch, 600)
     begin = time.monotonic()
     with rehearsal.rehearsed("usc"):
         assert len(started) == 1
@@ -79,7 +110,7 @@ def test_other_processes_end_with_the_block_that_they_compile_for(monkeypatch):
         assert len(started) == 1
         for _ in range(2):
             assert needed_kernel("pulsewright.motion.path")() == 1.0
-            assert len(started) == 2
+            assert len(started) == 3
         assert all(process.poll() is None for process in started)
     assert all(process.poll() is not None for process in started)
     assert time.monotonic() - begin < 300

@@ -2,7 +2,7 @@
 
 Kernels are compiled where they are first called, one after the other, and kept on disk for all
 processes; see `pulsewright.compiled`. So while the first stages of a job compile theirs here, its
-later ones are done elsewhere for one short move: they find their kernels ready.
+later ones are done elsewhere for one short move: they find their kernels ready, or nearly so.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -20,10 +21,20 @@ import numpy as np
 from pulsewright import compiled
 
 if TYPE_CHECKING:
+    from pulsewright.motion.cell_law import Cells
     from pulsewright.motion.moves import Program
+    from pulsewright.motion.path import Elements
     from pulsewright.motion.trajectory import Trajectory
 
-NICE: Final = 5  # the process that is waited for comes first
+NICE: Final = 5  # what is waited for last comes last
+PAUSE: Final = 0.02  # between two looks at whether a kernel is ready [s]
+FIRST: Final = "pulsewright.motion.path"  # what the planner needs first
+# What other processes compile from then on: parts, and kernels of theirs that are waited for. The
+# speeds take as long as all the rest, so their process is as urgent as this one.
+PLANNER: Final = {
+    "speeds": ("pulsewright.motion.plan_kernels.speeds",),
+    "law": ("pulsewright.motion.plan_kernels.law", "pulsewright.motion.certificate_kernels.worst"),
+}
 
 
 @contextmanager
@@ -39,21 +50,26 @@ def rehearsed(board: str | None = None) -> Iterator[None]:
     """
     started: dict[str, subprocess.Popen[bytes] | None] = {}
 
-    def start(part: str, module: str) -> None:
+    def start(part: str, *, of_use: bool) -> None:
         started[part] = None
-        if not compiled.kept(import_module(module)):
+        if of_use:
             command = [sys.executable, "-P", "-m", "pulsewright.app.rehearsal", part]
             quiet = subprocess.DEVNULL
             started[part] = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)
 
-    def needed(module: str) -> None:
-        if module == "pulsewright.motion.path" and "plan" not in started:
-            start("plan", "pulsewright.motion.plan_kernels")
+    def needed(kernel: compiled.Kernel) -> None:
+        for part, names in PLANNER.items():
+            if kernel.__module__ == FIRST and part not in started:
+                start(part, of_use=not all(_kernel(name).kept() for name in names))
+            process = started.get(part)
+            if process is not None and kernel in map(_kernel, names):
+                _await(kernel, process)
 
     compiled.watchers.append(needed)
     try:
         if board is not None:
-            start(board, f"pulsewright.boards.{board}.twin_kernel")
+            twin = import_module(f"pulsewright.boards.{board}.twin_kernel")
+            start(board, of_use=not compiled.kept(twin))
         yield
     finally:
         compiled.watchers.remove(needed)
@@ -64,11 +80,25 @@ def rehearsed(board: str | None = None) -> Iterator[None]:
             process.wait()
 
 
+def _kernel(name: str) -> compiled.Kernel:
+    module, _, function = name.rpartition(".")
+    kernel: compiled.Kernel = getattr(import_module(module), function)
+    return kernel
+
+
+def _await(kernel: compiled.Kernel, process: subprocess.Popen[bytes]) -> None:
+    """Wait until a kernel is ready, or its process has ended for another reason."""
+    while process.poll() is None and not kernel.kept():
+        time.sleep(PAUSE)
+
+
 def rehearse(part: str) -> None:
-    """Do ``plan``, or a run on the twin of a board, with one move."""
+    """Do a part of planning, or a run on the twin of a board, with one move."""
     compiled.always()
-    if part == "plan":
-        _plan()
+    if part == "speeds":
+        _speeds()
+    elif part == "law":
+        _law()
     else:
         _verify()  # last in a job, which compiles the rest of a run meanwhile
         _run(part)
@@ -80,13 +110,35 @@ def _program() -> Program:
     return interpret_text("F60 G1 X1\n")
 
 
-def _plan() -> None:
-    """Plan the speeds on a line, and certify them."""
-    from pulsewright.motion.cell_law import Cells
+def _speeds() -> None:
+    """Plan the speeds on a line."""
+    from pulsewright.motion.path import Limits
+    from pulsewright.motion.plan_kernels import speeds
+
+    one = np.ones(1)
+    limits = Limits(
+        np.eye(1, 6), np.zeros(1, np.int64), np.ones(1, np.int64), one, one, one, one, one
+    )
+    line, cells = _line()
+    speeds(line, limits, cells, 0.0, 0.0)
+
+
+def _law() -> None:
+    """Find a time law on a line; certify another one."""
     from pulsewright.motion.certificate import certify
     from pulsewright.motion.machine import Machine
-    from pulsewright.motion.path import Elements, Limits
-    from pulsewright.motion.plan_kernels import law, speeds
+    from pulsewright.motion.plan_kernels import law
+
+    line, cells = _line()
+    b, a, split = np.array([0.0, 1.0, 0.0]), np.zeros(3), np.full(2, 0.5)
+    law(line, cells.element, cells.offset, cells.size, b, a, split)
+    certify(_by_hand(), _program().moves, Machine.default())
+
+
+def _line() -> tuple[Elements, Cells]:
+    """Return a line of 1 mm, and its two cells."""
+    from pulsewright.motion.cell_law import Cells
+    from pulsewright.motion.path import Elements
 
     t = _by_hand()
     line = Elements(
@@ -104,13 +156,7 @@ def _plan() -> None:
         share=np.full((1, 1, 6), 0.01),
         rows=np.ones(1, np.int64),
     )
-    one = np.ones(1)
-    limits = Limits(
-        np.eye(1, 6), np.zeros(1, np.int64), np.ones(1, np.int64), one, one, one, one, one
-    )
-    b, a, split, _ = speeds(line, limits, cells, 0.0, 0.0)
-    pieces = law(line, cells.element, cells.offset, cells.size, b, a, split)
-    certify(t.timed(*pieces), _program().moves, Machine.default())
+    return line, cells
 
 
 def _verify() -> None:
@@ -166,5 +212,6 @@ def _by_hand() -> Trajectory:
 
 
 if __name__ == "__main__":
-    os.nice(NICE)
+    if sys.argv[1] != "speeds":
+        os.nice(NICE)
     rehearse(sys.argv[1])

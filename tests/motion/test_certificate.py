@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from pulsewright.compiled import compiled
 from pulsewright.errors import UsageError
 from pulsewright.motion import certificate as module
 from pulsewright.motion import certificate_kernels
-from pulsewright.motion.certificate import certify
+from pulsewright.motion.certificate import Certifier, certify
 from pulsewright.motion.plan import plan
 
 CORNER = program([((50, 0), 50), ((50, 50), 50), 0.5, ((0, 50), 50)], tolerance=0.1)
@@ -214,6 +215,93 @@ def test_elements_in_another_order_than_their_moves_are_refused():
     trajectory = dataclasses.replace(trajectory, move=move)
     with pytest.raises(UsageError, match=f"element {len(move) - 1} is of move 0"):
         certify(trajectory, CORNER, MACHINE)
+
+
+def straight(*legs):
+    """Return motion along X on elements of 10 mm, one per leg, and their moves.
+
+    A leg is the path coordinates to go to: from rest to rest, with jerk of one size in four parts
+    of half a second.
+    """
+    moves = program([((10.0 * (n + 1), 0), 50) for n in range(len(legs))], tolerance=0)
+    law, element = [], []
+    for n, places in enumerate(legs):
+        for begin, end in pairwise(places):
+            jerk = (end - begin) / (2 * 0.5**3)
+            s, v, a = begin, 0.0, 0.0
+            for j in (jerk, -jerk, -jerk, jerk):
+                law.append([s, v, a / 2, j / 6])
+                element.append(n)
+                s, v, a = s + v / 2 + a / 8 + j / 48, v + a / 2 + j / 8, a + j / 2
+    poly = np.zeros((len(legs), 4, 6))
+    poly[:, 0, 0], poly[:, 1, 0] = 10.0 * np.arange(len(legs)), 1.0
+    trajectory = dataclasses.replace(
+        plan(moves, MACHINE),
+        poly=poly,
+        cosine=np.zeros((len(legs), 6)),
+        sine=np.zeros((len(legs), 6)),
+        omega=np.zeros(len(legs)),
+        length=np.full(len(legs), 10.0),
+        move=np.arange(len(legs), dtype=np.int32),
+        element=np.array(element, np.int32),
+        start=0.5 * np.arange(len(law) + 1),
+        law=np.array(law),
+    )
+    return trajectory, moves
+
+
+def test_straight_motion_passes():
+    trajectory, moves = straight((0, 10), (0, 4, 10))
+    assert certify(trajectory, moves, MACHINE).passed
+
+
+def test_motion_beyond_the_end_of_a_move_is_found():
+    trajectory, moves = straight((0, 10.5), (0.5, 10))  # rests at X10.5 instead of X10
+    certificate = certify(trajectory, moves, MACHINE)
+    assert certificate.deviation == pytest.approx(0.5)
+    assert certificate.end_error == pytest.approx(0.5)
+    assert not certificate.passed
+
+
+@pytest.mark.parametrize("places", [(0, 10.5, 10), (0, -0.5, 10), (0, 6, 3, 10)])
+def test_motion_backwards_is_found(places):
+    certificate = certify(*straight(places), MACHINE)
+    assert certificate.feed.ratio == math.inf
+    assert (certificate.deviation >= 0.5) == (min(places) < 0 or max(places) > 10)
+    assert not certificate.passed
+
+
+@pytest.mark.parametrize("portion", [1, 2, 100])
+@pytest.mark.parametrize("moves", [2, 3])
+def test_a_circle_that_is_left_out_is_found(portion, moves, monkeypatch):
+    monkeypatch.setattr(module, "PORTION", portion)
+    circle = ((10, 0), 50, ((10, 10), 2 * np.pi))
+    asked = program([((10, 0), 50), circle, ((20, 0), 50)][:moves], tolerance=0)
+    trajectory = plan(asked, MACHINE)
+    assert certify(trajectory, asked, MACHINE).passed
+    kept = trajectory.move[trajectory.element] != 1
+    time = np.diff(trajectory.start)[kept]
+    trajectory = trajectory.timed(
+        trajectory.element[kept], np.append(0, time.cumsum()), trajectory.law[kept]
+    )
+    certificate = certify(trajectory, asked, MACHINE)
+    assert max(certificate.position_jump, certificate.end_error) >= 20 * np.pi * (1 - 1e-9)
+    assert not certificate.passed
+
+
+@pytest.mark.parametrize("column", ["poly", "omega", "length", "start", "law"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_refused(column, value):
+    trajectory = plan(CORNER, MACHINE)
+    values = getattr(trajectory, column).copy()
+    values[2] = value
+    trajectory = dataclasses.replace(trajectory, **{column: values})
+    with pytest.raises(UsageError, match=rf"trajectory.{column}\[2.*must be finite"):
+        certify(trajectory, CORNER, MACHINE)
+    certifier = Certifier(MACHINE, CORNER.start)
+    certifier.add(CORNER)
+    with pytest.raises(UsageError, match="must be finite"):
+        certifier.check(trajectory)
 
 
 @pytest.mark.parametrize("portion", [1, 2, 5])

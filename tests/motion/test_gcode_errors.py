@@ -200,6 +200,7 @@ CASES = [
     ("F1 G38.2 X1", 1, 1, "F1 G38.2 X1", "cannot be planned"),
     ("G96 S1 D1", 1, 1, "G96 S1 D1", "G97"),
     ("F1 G95 G81 Z-1 R1", 1, 1, "F1 G95 G81 Z-1 R1", "its speed is 0"),
+    ("G4 P[10**7]", 1, 1, "G4 P[10**7]", "more than 100000 s"),
     (
         FEED + "G10 L2 P1 R30\nG18 G2 X1 R1",
         3,

@@ -161,6 +161,11 @@ def test_unreadable_files_are_explained(tmp_path):
         Machine.load(tmp_path / "binary.toml")
 
 
+def test_a_byte_order_mark_is_no_part_of_the_file(tmp_path):
+    (tmp_path / "marked.toml").write_bytes(b"\xef\xbb\xbf" + MINIMAL.encode())
+    assert Machine.load(tmp_path / "marked.toml") == Machine.parse(MINIMAL)
+
+
 def test_settings_for_the_interpreter():
     machine = Machine.parse(
         "start = {x = 1}\noffsets.G54 = {x = 2.5}\ntools.3 = {length = 12}\n" + MINIMAL

@@ -241,6 +241,16 @@ def fast(jerk):
     return MACHINE.model_copy(update={"axis": axes})
 
 
+@pytest.mark.parametrize("jerk", [1e9, 1e12, 1e300])
+def test_a_jerk_limit_out_of_all_proportion_counts_as_a_millisecond(jerk):
+    there_and_back = [((100, 0), 200), 10_000.0, ((0, 0), 200)]
+    trajectory = planned(program(there_and_back), fast(jerk))
+    once = 100 / 200 + 200 / 3000 + 0.001
+    assert trajectory.duration - 10_000 == pytest.approx(2 * once, rel=1e-3)
+    zigzag = program([((n, n % 2), 50) for n in range(1, 100)], tolerance=0.05)
+    assert planned(zigzag, fast(jerk)).duration <= planned(zigzag, fast(3e5)).duration
+
+
 @pytest.mark.parametrize(
     ("digits", "jerk"), [(3, 3e5), (4, 3e5), (6, 3e5), (12, 3e5), (9, 1e6), (12, 1e6)]
 )

@@ -160,14 +160,16 @@ def certify(trajectory: Trajectory, moves: Moves, machine: Machine) -> Certifica
     Raises
     ------
     UsageError
-        If the trajectory has other axes than the moves, or them in another order.
+        If the trajectory has other axes than the moves, or them in another order, or cannot be as
+        it is, see `Trajectory.require_sound`.
     """
+    trajectory.require_sound()
     if not len(moves):
         return _nothing(machine)
     certifier = Certifier(machine, moves.start)
     certifier.add(moves)
     for part in _portions(trajectory):
-        certifier.check(part)
+        certifier.check_sound(part)
     return certifier.finish()
 
 
@@ -193,6 +195,7 @@ class Certifier:
         self._first = 0  # how many moves there were before
         self._run = -1  # the last move of that run
         self._corners = 0.0, 0.0  # tolerance before and after that run
+        self._way = self._length = 0.0  # path coordinate reached in that run, and its end
         self._waited = self._due = 0.0  # time at rest in it, and what is programmed [s]
         self._zero = self._end = 0.0  # where the time of a part begins, and where it ends [s]
         self._whole = _nothing(machine)
@@ -216,8 +219,13 @@ class Certifier:
         ------
         UsageError
             If the trajectory has other axes than the moves, or moves that are not known yet or in
-            another order.
+            another order, or cannot be as it is, see `Trajectory.require_sound`.
         """
+        trajectory.require_sound(begin=None)
+        return self.check_sound(trajectory, override)
+
+    def check_sound(self, trajectory: Trajectory, override: Floats | float = 1.0) -> Certificate:
+        """Return what `check` does, for a trajectory of which it is known that it is sound."""
         if trajectory.axes != len(AXES):
             raise UsageError(
                 f"certify needs positions of {AXES}, not {trajectory.axes} coordinates"
@@ -237,13 +245,16 @@ class Certifier:
             jumps = kernels.jumps(*columns, self._state)
             deviation, allowed = reference.deviation()
         motion = _Pieces(t)
+        deviation += motion.beyond(t)
         free = moves.pitch[t.move[t.element]] == 0
         feed = motion.fastest / (reference.feed[t.element] * np.where(free, override, 1.0))
+        feed[motion.slowest < -ROUNDING] = np.inf  # never backwards
         off = deviation / allowed
         farthest = int(np.searchsorted(t.element, off.argmax()))  # the first piece there
         end_error, missed = reference.rests(motion)
         if trajectory.move[0] > run >= 0 and corner <= 0:  # a rest between two parts
             missed += bool(np.abs(entry[1]).max() > ROUNDING)
+        skipped = self._skipped(trajectory, motion)
 
         def place(use: float, what: str, k: int) -> Worst:
             line = int(moves.line[t.move[t.element[k]]])
@@ -262,7 +273,7 @@ class Certifier:
             deviation=float(deviation.max()),
             velocity_jump=float(jumps[1]),
             acceleration_jump=float(jumps[2]),
-            position_jump=float(jumps[0]),
+            position_jump=max(float(jumps[0]), skipped),
             end_error=end_error,
             dwell_error=self._dwell_error(t, moves, motion),
             missed_rests=missed,
@@ -282,7 +293,8 @@ class Certifier:
             return self._whole
         done = self._run + 1 - self._first
         left = np.abs(moves.end[-1] - self._state[0]).max()
-        if (np.abs(moves.end - moves.starts()) > ROUNDING)[done:].any():
+        moving = (np.abs(moves.end - moves.starts()) > ROUNDING).any(axis=1)
+        if (moving | (moves.kind == MoveKind.ARC))[done:].any():
             left = np.inf  # moves are missing
         dwells = moves.kind == MoveKind.DWELL
         undone = float(moves.dwell[done:][dwells[done:]].sum())
@@ -291,6 +303,7 @@ class Certifier:
             end_error=float(left),
             velocity_jump=float(np.abs(self._state[1]).max()),
             acceleration_jump=float(np.abs(self._state[2]).max()),
+            position_jump=self._length - self._way,
             dwell_error=max(abs(self._waited - self._due), undone),
         )
         self._whole = _worse(self._whole, ending)
@@ -334,6 +347,20 @@ class Certifier:
         if self._moves is not None:
             self._moves = self._moves.part(count)
         self._first += count
+
+    def _skipped(self, t: Trajectory, motion: _Pieces) -> float:
+        """Return the largest part of the path that is left out between pieces [mm, degrees].
+
+        Where the path crosses itself, position has no jump there.
+        """
+        way = np.append(0.0, t.length.cumsum())
+        begin, end = way[t.element] + motion.s0, way[t.element] + motion.s1
+        entry = begin[0] - self._way
+        if t.move[0] != self._run:  # another run begins
+            entry = max(abs(begin[0]), abs(self._length - self._way))
+        here = np.flatnonzero(t.move == t.move[-1])[0]
+        self._way, self._length = float(end[-1] - way[here]), float(way[-1] - way[here])
+        return max(abs(float(entry)), float(np.abs(begin[1:] - end[:-1]).max(initial=0.0)))
 
     def _dwell_error(self, t: Trajectory, moves: Moves, motion: _Pieces) -> float:
         """Return the largest difference between a programmed dwell and the time at rest [s].
@@ -398,19 +425,35 @@ def _nothing(machine: Machine) -> Certificate:
 
 
 class _Pieces:
-    """Duration of each piece, rates at both ends, and where all of them end."""
+    """Path coordinate and its rate at both ends of each piece, and the extremes of the rate."""
 
     def __init__(self, trajectory: Trajectory) -> None:
         law, time = trajectory.law, np.diff(trajectory.start)
         self.time = time
-        self.end = float(law[-1] @ time[-1] ** np.arange(4))
-        self.v0 = law[:, 1]
+        self.s0, self.v0 = law[:, 0], law[:, 1]
+        self.s1 = self.s0 + (self.v0 + (law[:, 2] + law[:, 3] * time) * time) * time
         self.v1 = self.v0 + (2 * law[:, 2] + 3 * law[:, 3] * time) * time
         with np.errstate(divide="ignore", invalid="ignore"):
             turn = np.nan_to_num(np.clip(-law[:, 2] / (3 * law[:, 3]), 0, time))
         top = self.v0 + (2 * law[:, 2] + 3 * law[:, 3] * turn) * turn
         self.fastest = np.maximum(np.abs(self.v0), np.abs(self.v1))
         np.maximum(self.fastest, np.abs(top), out=self.fastest)
+        self.slowest = np.minimum(np.minimum(self.v0, self.v1), top)
+
+    def beyond(self, t: Trajectory) -> Floats:
+        """Return how far pieces lead beyond the ends of each element at most, (m,)."""
+        back = np.maximum(-self.slowest, 0.0) * self.time
+        low, high = np.minimum(self.s0, self.s1) - back, np.maximum(self.s0, self.s1) + back
+        far = np.maximum(-low, high - t.length[t.element])
+        k = np.flatnonzero(far > STILL)
+        e, far = t.element[k], far[k]
+        s, p = (t.length[e] + far)[:, None], np.abs(t.poly[e])
+        rate = p[:, 1] + (2 * p[:, 2] + 3 * p[:, 3] * s) * s
+        rate += np.abs(t.omega[e])[:, None] * (np.abs(t.cosine[e]) + np.abs(t.sine[e]))
+        far *= _norm(rate)
+        beyond = np.zeros(len(t.length))
+        np.maximum.at(beyond, e, np.where(far > ROUNDING, far, 0.0))
+        return beyond
 
 
 def _place(trajectory: Trajectory, element: NDArray[np.int32], s: Floats) -> Floats:
@@ -521,11 +564,14 @@ class _Reference:
         done, still = np.zeros(len(t.length), bool), np.zeros(len(t.length), bool)
         still[t.element[final]] = motion.v1[final] <= ROUNDING
         done[t.element[final[:-1]]] = True  # the last one may go on in the next part
-        done[t.element[-1]] = still[t.element[-1]] and motion.end >= t.length[t.element[-1]] - STILL
+        reached = np.zeros(len(t.length))
+        reached[t.element[final]] = motion.s1[final]
+        last = t.element[-1]
+        done[last] = still[last] and motion.s1[-1] >= t.length[last] - STILL
         closing = np.append(np.flatnonzero(np.diff(self.run)), len(self.run) - 1)
         demanded = (self.corner <= 0) & done[closing]
         kept = still[closing] & demanded
-        x = _place(t, closing[kept].astype(np.int32), t.length[closing[kept]])
+        x = _place(t, closing[kept].astype(np.int32), reached[closing[kept]])
         error = _norm(x - self.end[kept]).max(initial=0.0)
         return float(error), int((demanded & ~kept).sum())
 

@@ -140,8 +140,7 @@ def worst(
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return how far each limit is used at most, and on which piece, both (3, r).
 
-    ``limit`` (3, r) has those of velocity, acceleration and jerk along ``rows`` (r, axes). A
-    negative path velocity counts as infinite.
+    ``limit`` (3, r) has those of velocity, acceleration and jerk along ``rows`` (r, axes).
     """
     count, axes = rows.shape
     most, actual = np.zeros((3, count)), np.zeros((3, count))

@@ -32,6 +32,7 @@ from pulsewright.motion.moves import AXES, MoveKind, Moves
 LINEAR: Final = "XYZ"
 TRAVEL_MARGIN: Final = 1e-6  # rounding of programs in inches [mm, degrees]
 RISE: Final = 0.025  # time in which an axis without a jerk limit builds up its acceleration [s]
+LEAST_RISE: Final = 0.001  # and the shortest time in which any axis does [s]
 NUMBER = r"[0-9]+(?:\.[0-9]*)?|\.[0-9]+"
 
 WORK_OFFSETS: Final = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
@@ -134,8 +135,14 @@ class Axis(_Table):
 
     @property
     def jerk_limit(self) -> float:
-        """Largest jerk; by default the acceleration is built up in `RISE` seconds."""
-        return self.acceleration / RISE if self.jerk is None else self.jerk
+        """Largest jerk; by default the acceleration is built up in `RISE` seconds.
+
+        A limit so high that it could be built up in less than `LEAST_RISE` counts as that: no
+        machine follows it, and a plan gains nothing but pieces too short for the arithmetic.
+        """
+        if self.jerk is None:
+            return self.acceleration / RISE
+        return min(self.jerk, self.acceleration / LEAST_RISE)
 
     @property
     def directions(self) -> tuple[int, ...]:
@@ -254,7 +261,7 @@ class Machine(_Table):
             was given and what is allowed.
         """
         try:
-            text = Path(path).read_bytes().decode()
+            text = Path(path).read_bytes().decode("utf-8-sig")  # some editors begin with a mark
         except OSError as error:
             message = f"cannot read the machine file: {error.strerror}"
             raise MachineError(message, path=path) from error

@@ -66,9 +66,9 @@ class MotorPlan(Trajectory):
     def _whole(self) -> Trajectory:
         return self._plan.mapped(self._matrix)
 
-    def require_sound(self) -> None:
+    def require_sound(self, begin: float | None = 0.0) -> None:
         """Check the plan of the axes; see `Trajectory.require_sound`."""
-        self._plan.require_sound()
+        self._plan.require_sound(begin)
 
     def mapped(self, matrix: Floats) -> Trajectory:
         """Return the same motion in other coordinates."""

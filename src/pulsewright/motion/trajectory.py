@@ -54,10 +54,11 @@ class Trajectory:
     start: NDArray[np.float64]
     law: NDArray[np.float64]
 
-    def require_sound(self) -> None:
+    def require_sound(self, begin: float | None = 0.0) -> None:
         """Check shapes and values, as programs that make trajectories by themselves may err.
 
-        Limits and continuity are not looked at; see `certify`.
+        Limits and continuity are not looked at; see `certify`. The first ``start`` has to be
+        ``begin``, or with None any time that is not negative.
 
         Raises
         ------
@@ -74,13 +75,15 @@ class Trajectory:
                     f"trajectory.{field.name} has the shape {column.shape}; with {m} elements and "
                     f"{k} pieces it must be {shape}"
                 )
-            if not np.isfinite(column).all():
+            with np.errstate(invalid="ignore", over="ignore"):
+                finite = np.isfinite(column.sum())  # without looking at each, and no memory
+            if not finite and not np.isfinite(column).all():
                 at = tuple(np.argwhere(~np.isfinite(column))[0].tolist())
                 raise UsageError(
                     f"trajectory.{field.name}{list(at)} is {column[at]}; it must be finite"
                 )
         early = np.diff(self.start, prepend=0.0) < 0
-        early[0] |= self.start[0] != 0
+        early[0] |= begin is not None and self.start[0] != begin
         other = (np.diff(self.element, prepend=0) < 0) | (self.element >= m)
         for name, wrong, rule in [
             ("element", other, f"from 0 to {m - 1}, never decreasing"),

@@ -21,6 +21,7 @@ from pulsewright.units import MINUTE
 
 MANY: Final = 1 << 14  # moves that are kept before they are taken
 SPLINE_ERROR: Final = 1e-3  # of the straight lines that stand for a spline [mm]
+LONGEST_DWELL: Final = 1e5  # much later, times would not be fine enough for motion [s]
 _EVENT_OF_SWITCH: Final = {"MIST": "mist", "FLOOD": "flood"}
 _NOWHERE: Final = (np.nan,) * len(AXES)  # a dwell stays where the move before it ended
 
@@ -183,6 +184,10 @@ class Recorder:
         raise Fault("where a probe trips is known to the machine alone: G38 cannot be planned")
 
     def _dwell(self, seconds: float) -> None:
+        if not seconds <= LONGEST_DWELL:
+            raise Fault(
+                f"a dwell of more than {LONGEST_DWELL:g} s cannot be planned; divide the program"
+            )
         self._stop()
         self._dwells.append((len(self._lines), seconds))
         self._lines.append(self.line)

@@ -7,7 +7,7 @@ import pytest
 
 from pulsewright.app.run import Job
 from pulsewright.edges.trace import EdgeTrace
-from pulsewright.errors import EstopError
+from pulsewright.errors import EstopError, UsageError
 from pulsewright.motion import motors
 from pulsewright.motion.machine import Machine
 
@@ -65,6 +65,14 @@ def test_an_estop_in_the_middle_ends_the_job_and_leaves_nothing(tmp_path, monkey
     with pytest.raises(EstopError, match="estop chain"):
         job(tmp_path, "G1 X100 F600\nG1 X0\n").run(out=tmp_path / "new/out")
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("out", ["file", "file/out", "file/new/out"])
+def test_reports_that_cannot_be_written_are_refused_before_anything_moves(tmp_path, out):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match=f"{tmp_path / 'file'}: is a file"):
+        job(tmp_path, "G1 X1 F600\n").run(out=tmp_path / out, record=tmp_path / "link")
+    assert not (tmp_path / "link").exists()  # nothing went over the link
 
 
 @pytest.mark.parametrize("profile", ["document", "linuxcnc"])

@@ -178,6 +178,7 @@ class Job:
             If a motor is not where it should be, or a limit switch is hit, as far as the machine
             has ``encoders`` and ``switches`` and the board can tell.
         """
+        _require_no_file(out)
         settings, machine = self.machine.board, self.machine
         name, link = board or settings.name, link or machine.link.url
         room = boards.get(name)
@@ -614,6 +615,14 @@ def _watched(machine: Machine | None) -> dict[str, Any]:
     return watched
 
 
+def _require_no_file(out: Path | str | None) -> None:
+    """Refuse a folder for reports that cannot be made, before anything moves."""
+    if out is not None:
+        nearest = next(path for path in [Path(out), *Path(out).parents] if path.exists())
+        if not nearest.is_dir():
+            raise UsageError(f"{nearest}: is a file; --out names a folder")
+
+
 @contextmanager
 def _folder(out: Path | str | None) -> Iterator[Path | None]:
     """Make a folder for reports; if it was not there and the job fails, it is gone again."""
@@ -621,8 +630,6 @@ def _folder(out: Path | str | None) -> Iterator[Path | None]:
         yield None
         return
     folder = Path(out)
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder}: is a file; --out names a folder")
     made = [parent for parent in [folder, *folder.parents] if not parent.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)

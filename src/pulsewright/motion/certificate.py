@@ -59,7 +59,9 @@ class Certificate:
     velocity, acceleration, jerk : tuple of Worst
         One per limit row of the machine.
     feed : Worst
-        Path speed over programmed feed.
+        Path speed over programmed feed, along the path as programmed. The way over a blend is
+        shorter at a corner, and a little longer where arcs bend to opposite sides: the tool is
+        faster than the feed there (by 0.35 % at most in 1400 random programs).
     path : Worst
         Distance from the programmed path over tolerance.
     deviation : float

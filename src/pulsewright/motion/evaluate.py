@@ -50,6 +50,29 @@ def piece_at(start: Floats, t: float) -> int:
 
 
 @inner
+def rests_at(
+    geometry: tuple[Floats, Floats, Floats, Floats],
+    law: tuple[NDArray[np.int32], Floats, Floats],
+    axis: int,
+    begin: float,
+    end: float,
+) -> float:
+    """Return where a coordinate stays between two times [s], or NaN if it changes.
+
+    Other arguments as those of `sample`.
+    """
+    poly, cosine, sine, _ = geometry
+    element, start, _ = law
+    first = element[piece_at(start, begin)]
+    place: float = poly[first, 0, axis]
+    for e in range(first, element[piece_at(start, end)] + 1):
+        moves = poly[e, 1, axis] != 0.0 or poly[e, 2, axis] != 0.0 or poly[e, 3, axis] != 0.0
+        if moves or poly[e, 0, axis] != place or cosine[e, axis] != 0.0 or sine[e, axis] != 0.0:
+            return math.nan
+    return place
+
+
+@inner
 def sample(
     geometry: tuple[Floats, Floats, Floats, Floats],
     law: tuple[NDArray[np.int32], Floats, Floats],

@@ -123,6 +123,16 @@ def _norm(v: Floats) -> float:
     return max(_length(v, 0), _length(v, 3))
 
 
+@inlined
+def component(limits: Limits, r: int, x: Floats) -> float:
+    """Return that of a vector (6,) along row ``r``: their product."""
+    axis = limits.begin[r]
+    product: float = limits.rows[r, axis] * x[axis]
+    for other in range(axis + 1, limits.end[r]):  # rarely any: most rows are axes
+        product += limits.rows[r, other] * x[other]
+    return product
+
+
 class Columns(NamedTuple):
     """Columns of `Moves`, and where the first one begins."""
 
@@ -376,15 +386,10 @@ def _find_limits(moves: Columns, s: Segments, limits: Limits, work: Floats) -> N
             cos, sin = math.cos(turn), math.sin(turn)
         top = s.feed[k] * s.feed[k]
         for r in range(count):
-            line[r], swing[r], bend[r] = 0.0, 0.0, 0.0
-            for axis in range(limits.begin[r], limits.end[r]):
-                line[r] += limits.rows[r, axis] * straight[axis]
-            line[r] = along[r] = abs(line[r])
+            swing[r], bend[r] = 0.0, 0.0
+            line[r] = along[r] = abs(component(limits, r, straight))
             if turn > 0.0:
-                c, d = 0.0, 0.0
-                for axis in range(limits.begin[r], limits.end[r]):
-                    c += limits.rows[r, axis] * cosine[axis]
-                    d += limits.rows[r, axis] * sine[axis]
+                c, d = component(limits, r, cosine), component(limits, r, sine)
                 swing[r] = omega * math.hypot(c, d)
                 slope, wave = _peaks(c, d, 1.0, 0.0, cos, sin, turn)
                 along[r] += omega * slope
@@ -421,11 +426,9 @@ def _size_needed(s: Segments, k: int, limits: Limits) -> float:
     size, top = 0.0, s.top[k]
     cube = top * math.sqrt(top)
     for r in range(limits.acceleration.size):
-        turn = 0.0
-        for axis in range(limits.begin[r], limits.end[r]):
-            turn += limits.rows[r, axis] * (s.poly[k + 1, 1, axis] - s.poly[k, 1, axis])
-        size = max(size, abs(turn) * top / (2.0 * limits.acceleration[r]))
-        size = max(size, math.sqrt(abs(turn) * cube / limits.jerk[r]))
+        turn = abs(component(limits, r, s.poly[k + 1, 1]) - component(limits, r, s.poly[k, 1]))
+        size = max(size, turn * top / (2.0 * limits.acceleration[r]))
+        size = max(size, math.sqrt(turn * cube / limits.jerk[r]))
     return size
 
 
@@ -530,11 +533,8 @@ def _of_use(turn: Floats, bend: Floats, top: float, ramp: float, limits: Limits)
     """
     size = SHORT_BLEND * top / (2.0 * ramp)
     for r in range(limits.acceleration.size):
-        first, second = 0.0, 0.0
-        for axis in range(limits.begin[r], limits.end[r]):
-            first += limits.rows[r, axis] * turn[axis]
-            second += limits.rows[r, axis] * bend[axis]
-        first, second = abs(first) / BLEND_SHARE, abs(second) / BLEND_SHARE
+        first = abs(component(limits, r, turn)) / BLEND_SHARE
+        second = abs(component(limits, r, bend)) / BLEND_SHARE
         hasty = top * math.sqrt(top) / limits.jerk[r]
         size = max(size, first * top / limits.acceleration[r], math.sqrt(first * hasty))
         size = max(size, 7.0 / 6.0 * second * hasty)
@@ -549,10 +549,7 @@ def _is_hasty(turn: Floats, size: float, top: float, limits: Limits) -> bool:
     """
     bent, twisted = top, math.inf  # squares of speeds
     for r in range(limits.acceleration.size):
-        first = 0.0
-        for axis in range(limits.begin[r], limits.end[r]):
-            first += limits.rows[r, axis] * turn[axis]
-        first = abs(first)
+        first = abs(component(limits, r, turn))
         if first > 0.0:
             bent = min(bent, limits.acceleration[r] * size / first)
             twisted = min(twisted, (limits.jerk[r] * size * size / first) ** (2 / 3))

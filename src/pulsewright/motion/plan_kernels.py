@@ -37,7 +37,7 @@ from pulsewright.motion.cell_law import (
     limits_used,
     two_pieces,
 )
-from pulsewright.motion.path import Elements, Flags, Floats, Ints, Limits, _peaks
+from pulsewright.motion.path import Elements, Flags, Floats, Ints, Limits, _peaks, component
 from pulsewright.motion.refine import refine, window_of
 
 BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
@@ -90,14 +90,9 @@ def _sizes(
     ``arc`` are cosine and sine of the angles there, see `_arc`.
     """
     w, h = path.omega[e], end - begin
-    p1, p2, p3, c, s = 0.0, 0.0, 0.0, 0.0, 0.0
-    for axis in range(limits.begin[r], limits.end[r]):
-        row = limits.rows[r, axis]
-        p1 += row * path.poly[e, 1, axis]
-        p2 += row * path.poly[e, 2, axis]
-        p3 += row * path.poly[e, 3, axis]
-        c += row * path.cosine[e, axis]
-        s += row * path.sine[e, axis]
+    p1, p2 = component(limits, r, path.poly[e, 1]), component(limits, r, path.poly[e, 2])
+    p3 = component(limits, r, path.poly[e, 3])
+    c, s = component(limits, r, path.cosine[e]), component(limits, r, path.sine[e])
     third = abs(6.0 * p3)
     bend = 2.0 * p2 + 6.0 * p3 * begin
     second = max(abs(bend), abs(bend + 6.0 * p3 * h))

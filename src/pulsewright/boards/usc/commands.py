@@ -212,6 +212,7 @@ class Converter(UpdateConverter[Updates]):
             ),
             self._state,
             np.empty((2, n + 2)),
+            np.empty((4, n), np.int64),
             updates.divisor,
             updates.control,
             updates.count,

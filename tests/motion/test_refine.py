@@ -67,7 +67,7 @@ def found(poly, b, a, *, room=0.0, parts=0):
     )
     limits = Limits(
         *(np.eye(2, 6), np.arange(2), np.arange(1, 3), SPEED, ACCELERATION, JERK),
-        *(1 / ACCELERATION, 1 / JERK),
+        *(1 / SPEED, 1 / ACCELERATION, 1 / JERK),
     )
     whole = plan_kernels.cells(path, limits, 0.0)
     cells = Cells(

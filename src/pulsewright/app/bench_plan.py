@@ -24,7 +24,7 @@ import numpy as np
 
 from pulsewright import compiled
 from pulsewright.app.bench_gcode import CORPUS, Row, surface
-from pulsewright.app.memory import peak_memory
+from pulsewright.app.memory import keep_freed_memory, peak_memory
 from pulsewright.errors import UsageError
 
 if TYPE_CHECKING:
@@ -253,6 +253,7 @@ def _plan_process(path: Path) -> None:
     """Plan a program; print CPU time [s] and peak memory of this process [MB]."""
     from pulsewright.app.planning import plan_file
 
+    keep_freed_memory()
     outline = plan_file(path, machine=bench_machine(max(JERKS)))
     print(outline.clock.total, peak_memory())
 

@@ -106,8 +106,10 @@ def run(
 ) -> None:
     """Interpret, plan, convert, run and verify a program; exit 0 only if every check passes."""
     from pulsewright.app import run as job_module
+    from pulsewright.app.memory import keep_freed_memory
     from pulsewright.app.progress import progress
 
+    keep_freed_memory()
     with _feed(control, hold) as feed, progress() as report_progress:
         result = job_module.run_file(
             file,
@@ -162,10 +164,12 @@ def plan(
             save=save,
         )
         return
+    from pulsewright.app.memory import keep_freed_memory
     from pulsewright.app.planning import plan_file
     from pulsewright.app.progress import progress
     from pulsewright.app.rehearsal import rehearsed
 
+    keep_freed_memory()
     with rehearsed(), progress() as report_progress:
         outline = plan_file(file, machine=machine, progress=report_progress)
     _show(outline, as_json)
@@ -361,8 +365,10 @@ def bench(
 ) -> None:
     """Measure speed against real time, or size and clock of the gateware, in one run."""
     from pulsewright.app import bench as bench_module
+    from pulsewright.app.memory import keep_freed_memory
     from pulsewright.app.progress import progress
 
+    keep_freed_memory()
     with progress() as report_progress:
         results = bench_module.run(name, page=page, progress=report_progress)
     if as_json:

@@ -116,9 +116,7 @@ def _speeds() -> None:
     from pulsewright.motion.plan_kernels import speeds
 
     one = np.ones(1)
-    limits = Limits(
-        np.eye(1, 6), np.zeros(1, np.int64), np.ones(1, np.int64), one, one, one, one, one
-    )
+    limits = Limits(np.eye(1, 6), np.zeros(1, np.int64), np.ones(1, np.int64), *(one,) * 6)
     line, cells = _line()
     speeds(line, limits, cells, 0.0, 0.0)
 

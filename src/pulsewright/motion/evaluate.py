@@ -98,13 +98,14 @@ def sample(
         since, until = start[k], start[k + 1] if k + 1 < pieces else math.inf
         # coefficients are read once: for all the compiler knows, what is written may be them
         l0, l1, l2, l3 = time_law[k, 0], time_law[k, 1], time_law[k, 2], time_law[k, 3]
-        begin = n
+        e, begin = element[k], n
+        p0, p1, p2, p3 = poly[e, 0, axis], poly[e, 1, axis], poly[e, 2, axis], poly[e, 3, axis]
         while n < count and out[0, n] < until:
             tau = out[0, n] - since
-            out[0, n] = ((l3 * tau + l2) * tau + l1) * tau + l0
+            s = ((l3 * tau + l2) * tau + l1) * tau + l0
+            out[0, n], out[1, n] = s, ((p3 * s + p2) * s + p1) * s + p0
             n += 1
-        e = element[k]
-        for row in range(1, out.shape[0]):
+        for row in range(2, out.shape[0]):
             i = axis + row - 1
             p0, p1, p2, p3 = poly[e, 0, i], poly[e, 1, i], poly[e, 2, i], poly[e, 3, i]
             for m in range(begin, n):

@@ -53,7 +53,8 @@ class Limits(NamedTuple):
     velocity: Floats  # (r,)
     acceleration: Floats  # (r,)
     jerk: Floats  # (r,)
-    per_acceleration: Floats  # (r,) 1 over it
+    per_velocity: Floats  # (r,) 1 over it
+    per_acceleration: Floats  # (r,) the same
     per_jerk: Floats  # (r,) the same
 
 
@@ -112,15 +113,21 @@ def _square(x: float) -> float:
 
 
 @inner
+def _squared(v: Floats, first: int) -> float:
+    """Return the squared length of the linear (first = 0) or rotary (first = 3) part of a vector."""
+    return _square(v[first]) + _square(v[first + 1]) + _square(v[first + 2])
+
+
+@inner
 def _length(v: Floats, first: int) -> float:
-    """Return the length of the linear (first = 0) or rotary (first = 3) part of a vector."""
-    return math.sqrt(_square(v[first]) + _square(v[first + 1]) + _square(v[first + 2]))
+    """Return the length of the same."""
+    return math.sqrt(_squared(v, first))
 
 
 @inner
 def _norm(v: Floats) -> float:
     """Return the larger of the linear and the rotary length."""
-    return max(_length(v, 0), _length(v, 3))
+    return math.sqrt(max(_squared(v, 0), _squared(v, 3)))
 
 
 @inlined
@@ -228,7 +235,7 @@ def _limited(
     n, size = 0, velocity.size
     kept, begin, end = np.empty((size, 6)), np.empty(size, np.int64), np.empty(size, np.int64)
     v, a, j = np.empty(size), np.empty(size), np.empty(size)
-    per_a, per_j = np.empty(size), np.empty(size)
+    per_v, per_a, per_j = np.empty(size), np.empty(size), np.empty(size)
     for r in range(size):
         used = False
         begin[n], end[n] = 6, 0
@@ -239,9 +246,11 @@ def _limited(
                 begin[n], end[n] = min(begin[n], axis), axis + 1
         v[n], a[n] = velocity[r] * (1.0 - MARGIN), acceleration[r] * (1.0 - MARGIN)
         j[n] = jerk[r] * (1.0 - MARGIN)
-        per_a[n], per_j[n] = 1.0 / a[n], 1.0 / j[n]
+        per_v[n], per_a[n], per_j[n] = 1.0 / v[n], 1.0 / a[n], 1.0 / j[n]
         n += used
-    return Limits(kept[:n], begin[:n], end[:n], v[:n], a[:n], j[:n], per_a[:n], per_j[:n])
+    return Limits(
+        *(kept[:n], begin[:n], end[:n], v[:n], a[:n], j[:n], per_v[:n], per_a[:n], per_j[:n])
+    )
 
 
 @making
@@ -343,8 +352,9 @@ def _trace(moves: Columns, s: Segments) -> None:
             length = _length(delta, 0)
         if length < NOTHING:
             length = _length(delta, 3)
+        per_length = 1.0 / length
         for axis in range(6):
-            delta[axis] /= length
+            delta[axis] *= per_length
         x = end
         s.length[k], s.omega[k] = length, turn / length
         s.feed[k] = math.inf if moves.rapid[i] else moves.feed[i] * (1.0 - MARGIN)
@@ -407,7 +417,7 @@ def _find_limits(moves: Columns, s: Segments, limits: Limits, work: Floats) -> N
                 limit = limits.acceleration[r]
                 best = (limit - bend[r] * top) / along[r]  # both at their worst at once
                 full = omega * swing[r] * top
-                if full < limit:  # x'' and x' of a turning point are a quarter turn apart
+                if 0.0 < full < limit:  # x'' and x' of a turning point are a quarter turn apart
                     free = limit * limit - full * full
                     wider = _square(swing[r]) - _square(line[r])
                     root = _square(limit * line[r]) + wider * free
@@ -427,8 +437,8 @@ def _size_needed(s: Segments, k: int, limits: Limits) -> float:
     cube = top * math.sqrt(top)
     for r in range(limits.acceleration.size):
         turn = abs(component(limits, r, s.poly[k + 1, 1]) - component(limits, r, s.poly[k, 1]))
-        size = max(size, turn * top / (2.0 * limits.acceleration[r]))
-        size = max(size, math.sqrt(turn * cube / limits.jerk[r]))
+        size = max(size, 0.5 * turn * top * limits.per_acceleration[r])
+        size = max(size, math.sqrt(turn * cube * limits.per_jerk[r]))
     return size
 
 
@@ -531,14 +541,16 @@ def _of_use(turn: Floats, bend: Floats, top: float, ramp: float, limits: Limits)
 
     ``turn`` and ``bend`` are the jumps of the first two derivatives, ``top`` the square of speed.
     """
-    size = SHORT_BLEND * top / (2.0 * ramp)
+    bent, twisted, changed = 0.0, 0.0, 0.0  # what the jumps take of acceleration and jerk
     for r in range(limits.acceleration.size):
-        first = abs(component(limits, r, turn)) / BLEND_SHARE
-        second = abs(component(limits, r, bend)) / BLEND_SHARE
-        hasty = top * math.sqrt(top) / limits.jerk[r]
-        size = max(size, first * top / limits.acceleration[r], math.sqrt(first * hasty))
-        size = max(size, 7.0 / 6.0 * second * hasty)
-    return size
+        first, per_jerk = abs(component(limits, r, turn)), limits.per_jerk[r]
+        bent = max(bent, first * limits.per_acceleration[r])
+        twisted = max(twisted, first * per_jerk)
+        changed = max(changed, abs(component(limits, r, bend)) * per_jerk)
+    bent, twisted, changed = bent / BLEND_SHARE, twisted / BLEND_SHARE, changed / BLEND_SHARE
+    cube = top * math.sqrt(top)
+    least = max(SHORT_BLEND * top / (2.0 * ramp), bent * top)
+    return max(least, math.sqrt(twisted * cube), 7.0 / 6.0 * changed * cube)
 
 
 @inlined
@@ -547,13 +559,13 @@ def _is_hasty(turn: Floats, size: float, top: float, limits: Limits) -> bool:
 
     ``turn`` is the jump of the tangent, ``top`` the square of the speed beside the blend.
     """
-    bent, twisted = top, math.inf  # squares of speeds
+    bent, twisted = top, math.inf  # square of the speed, and its cube
     for r in range(limits.acceleration.size):
         first = abs(component(limits, r, turn))
         if first > 0.0:
             bent = min(bent, limits.acceleration[r] * size / first)
-            twisted = min(twisted, (limits.jerk[r] * size * size / first) ** (2 / 3))
-    return HASTY * twisted < bent
+            twisted = min(twisted, limits.jerk[r] * size * size / first)
+    return HASTY * twisted ** (2 / 3) < bent
 
 
 @inner
@@ -579,9 +591,7 @@ def _find_corners(s: Segments, limits: Limits, found: Blends, work: Floats) -> N
             turn[k, axis] = e2[axis] - e1[axis]
             bend[k, axis] = c2[axis] - c1[axis]
             dot += e1[axis] * e2[axis]
-        square = (_square(_length(e1, 0)) + _square(_length(e1, 3))) * (
-            _square(_length(e2, 0)) + _square(_length(e2, 3))
-        )
+        square = (_squared(e1, 0) + _squared(e1, 3)) * (_squared(e2, 0) + _squared(e2, 3))
         angle, more = _norm(turn[k]), _norm(bend[k])
         curved[k] = s.omega[k] > 0.0 or s.omega[k + 1] > 0.0
         rest[k] = dot <= REVERSAL * math.sqrt(square)
@@ -653,25 +663,26 @@ def _displace(
     blends of the next corners have their peaks, its integral is 1, and it leads from one line to
     the other.
     """
-    w, h = d - at, 0.5 * d
+    w, h, per_d = d - at, 0.5 * d, 1.0 / d
     peak = 2.0 / (d + other)
-    more = peak * (other - d) / (1.5 * d)
+    more = peak * (other - d) * (2 / 3) * per_d
     half = 0.5 * peak + more
     if inner and d != other:
         t0, t1 = peak * d * other / 6.0, -h * (peak + more)  # at the corner
-        t2, t3 = 0.5 * peak, (half - peak) / (3.0 * d)
+        t2, t3 = 0.5 * peak, (half - peak) * (1 / 3) * per_d
         t0 += at * (t1 + at * (t2 + at * t3))
         t1 += at * (2.0 * t2 + 3.0 * at * t3)
         t2 += 3.0 * at * t3
     else:
-        f = half / (3.0 * d)
+        f = half * (1 / 3) * per_d
         t0, t1, t2, t3 = f * w * w * w, -3.0 * f * w * w, 3.0 * f * w, -f
     if inner:  # of the curvature: its piece next to the corner
-        k0 = at * (h / 6.0 - 0.25 * at + 7.0 / 72.0 * at * at / h)
-        k1 = h / 6.0 - 0.5 * at + 7.0 / 24.0 * at * at / h
-        k2, k3 = -0.25 + 7.0 / 24.0 * at / h, 7.0 / 72.0 / h
+        k3 = 7.0 / 36.0 * per_d
+        k0 = at * (h * (1 / 6) - 0.25 * at + k3 * at * at)
+        k1 = h * (1 / 6) - 0.5 * at + 3.0 * k3 * at * at
+        k2 = -0.25 + 3.0 * k3 * at
     else:
-        f = 1.0 / (72.0 * h)
+        f = per_d / 36.0
         k0, k1, k2, k3 = f * w * w * w, -3.0 * f * w * w, 3.0 * f * w, -f
     for axis in range(6):
         t, k = turn[axis], side * bend[axis]

@@ -131,7 +131,7 @@ def _bound(
     for r in range(limits.velocity.size):
         first, second, third = _sizes(path, limits, e, r, begin, end, arc)
         per_acceleration, per_jerk = limits.per_acceleration[r], limits.per_jerk[r]
-        share[p, 0, 0] = max(share[p, 0, 0], first / limits.velocity[r])
+        share[p, 0, 0] = max(share[p, 0, 0], first * limits.per_velocity[r])
         share[p, r, 1] = max(share[p, r, 1], first * per_acceleration)
         share[p, r, 2] = max(share[p, r, 2], first * per_jerk)
         share[p, r, 3] = max(share[p, r, 3], second * per_acceleration)
@@ -303,7 +303,7 @@ def _rough(path: Elements, limits: Limits, square: float, pace: Pace) -> float:
         slow, steep, bend, twist = 1.0 / path.feed[e], 0.0, 0.0, 0.0
         for r in range(limits.velocity.size):
             first, second, third = _sizes(path, limits, e, r, 0.0, end, arc)
-            slow = max(slow, first / limits.velocity[r])
+            slow = max(slow, first * limits.per_velocity[r])
             steep = max(steep, first * limits.per_acceleration[r])
             bend = max(bend, second * limits.per_acceleration[r])
             twist = max(twist, third * limits.per_jerk[r])

@@ -418,7 +418,7 @@ def _direction(w: Window, n: int) -> float:
     return slope
 
 
-@inner
+@inlined
 def _assemble(
     x: Floats, terms: Floats, hold: Floats, near: Floats, end: int, law: Law, weight: float
 ) -> None:
@@ -462,7 +462,7 @@ def _assemble(
         x[CURVE + 8 + k], x[CURVE + 12 + k] = row2[k], row3[k]
 
 
-@inner
+@inlined
 def _law(size: float, s: float, b0: float, a0: float, b1: float, a1: float, derive: bool) -> Law:
     """Return the law of a cell between two states; its time is infinite if there is none.
 
@@ -520,7 +520,7 @@ def _listed(near: Floats, k: int, which: int, room: float, x: Quad) -> int:
     return k + 1
 
 
-@inner
+@inlined
 def _limits(
     x: Floats,
     terms: Floats,

@@ -36,7 +36,7 @@ WORTH = 0.03  # of a window's time, lost the same way
 STEPS = 20  # of Newton's method
 BARRIER = 0.04  # weight of barriers at first, over the mean time of a cell
 LEAST = 2e-4  # the same at last
-SOFTER = 0.8  # by which part a whole step makes it less
+SOFTER = 0.9  # by which part a whole step makes it less
 CLOSE = 1e-3  # of the time: so little is not worth another step
 NEAR = 0.35  # of a limit: so much before it the barrier begins
 SLACK = 0.3  # of that, at least, where a limit is met the first time
@@ -573,6 +573,8 @@ def _limits(
             if slow:
                 scale = 1.0
             near_a, near_j = limit_a - NEAR, limit_j - NEAR * scale
+            if piece == 1 and place == 0:  # the end of the first has the same acceleration
+                near_a = math.inf
             known, of_s, of_v, of_a, of_j = False, none, none, none, none
             for i in range(int(x[SIDES]) * rows):
                 r = i

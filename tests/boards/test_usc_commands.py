@@ -195,6 +195,52 @@ def test_any_motion_within_the_limits_is_followed_exactly(
     assert check_against_the_board(plan, timing, portion) < 1.1
 
 
+def test_steps_fall_when_the_plan_passes_the_middle():
+    # 20,000 step/s, reached in 0.5 s: an update of 1 ms departs from a constant rate by
+    # 40,000 * 0.001^2 / 8 = 0.005 steps, and whole ticks of 20 periods of 500 by 20 / 2 / 500
+    plan = pieces([0.5, 0.2, 0.5], [4e4, 0.0, -4e4], [1.0, -0.61])
+    assert check_against_the_board(plan, TIMING) < 0.5 + 0.005 + 0.02 + 2 / 500
+
+
+def in_turn(*parts):
+    """Two motors along lines of so many steps, or three quarters of a circle, from rest to rest."""
+    count, duration = len(parts), 0.5
+    poly, cosine, sine = np.zeros((count, 4, 2)), np.zeros((count, 2)), np.zeros((count, 2))
+    omega, place = np.zeros(count), np.zeros(2)
+    for e, part in enumerate(parts):
+        poly[e, 0] = place
+        if np.ndim(part):
+            poly[e, 1] = part
+            place = place + part
+        else:  # the radius
+            poly[e, 0, 0] -= part
+            cosine[e, 0] = sine[e, 1] = part
+            omega[e] = 1.5 * np.pi
+            place = place - part
+    half, rate = duration / 2, 2 / duration
+    return Trajectory(
+        poly=poly,
+        cosine=cosine,
+        sine=sine,
+        omega=omega,
+        length=np.ones(count),
+        move=np.arange(count, dtype=np.int32),
+        element=np.repeat(np.arange(count, dtype=np.int32), 2),
+        start=np.arange(2 * count + 1) * half,
+        law=np.tile([[0, 0, rate / duration, 0], [0.5, rate, -rate / duration, 0]], (count, 1)),
+    )
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [[(900, 0), (0, 500)], [(900, 0), (0, 0), (0, 500), (-1, 0)], [(900, 0), 40.0], [(0, 900), 40]],
+)
+def test_a_motor_that_rested_moves_when_the_plan_does(parts):
+    plan = in_turn(*(np.asarray(p, float) for p in parts))
+    assert check_against_the_board(plan, TIMING) < 1.1
+    assert check_against_the_board(plan, TIMING, portion=300) < 1.1
+
+
 def test_portions_do_not_change_the_commands():
     plan = pieces([0.1, 0.2, 0.1], [2e5, 0.0, -2e5], [1.0, -0.3])
     _, whole = convert_all(plan, TIMING)

@@ -114,13 +114,13 @@ def _square(x: float) -> float:
 
 @inner
 def _squared(v: Floats, first: int) -> float:
-    """Return the squared length of the linear (first = 0) or rotary (first = 3) part of a vector."""
+    """Return the square of the length of a vector's linear (first = 0) or rotary (3) part."""
     return _square(v[first]) + _square(v[first + 1]) + _square(v[first + 2])
 
 
 @inner
 def _length(v: Floats, first: int) -> float:
-    """Return the length of the same."""
+    """Return that length."""
     return math.sqrt(_squared(v, first))
 
 
@@ -565,7 +565,8 @@ def _is_hasty(turn: Floats, size: float, top: float, limits: Limits) -> bool:
         if first > 0.0:
             bent = min(bent, limits.acceleration[r] * size / first)
             twisted = min(twisted, limits.jerk[r] * size * size / first)
-    return HASTY * twisted ** (2 / 3) < bent
+    hasty: bool = HASTY * twisted ** (2 / 3) < bent
+    return hasty
 
 
 @inner

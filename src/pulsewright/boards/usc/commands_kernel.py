@@ -126,7 +126,7 @@ def convert(
                 first = base = settle
             elapsed = end - base
             period = LONGEST_PERIOD + 1  # halt
-            if steps >= 1:
+            if steps >= 1:  # evenly up to where the last one is due, as in `foresee`
                 begin = direction * (plan[1, j] - counted) + 0.5
                 due = (steps - begin) / (phase - begin) if phase > begin else 0.0
                 last = commit + int(min(max(due, 0.0), 1.0) * ticks)

@@ -474,12 +474,12 @@ def _gain(v: float, a: float, top: float, jerk: float, size: float) -> tuple[flo
         time = min(time, (6.0 * size / jerk) ** (1 / 3))
     for _ in range(3):
         rate = v + (a + 0.5 * jerk * time) * time
-        over = (v + (0.5 * a + jerk / 6.0 * time) * time) * time - size
+        over = (v + (0.5 * a + jerk * (1 / 6) * time) * time) * time - size
         time -= over / rate
     after = a + jerk * time
     if after > top:
         time = max(top - a, 0.0) / jerk
-        way = (v + (0.5 * a + jerk / 6.0 * time) * time) * time
+        way = (v + (0.5 * a + jerk * (1 / 6) * time) * time) * time
         v += 0.5 * (a + top) * time
         return v * v + 2.0 * top * (size - way), top
     speed = v + 0.5 * (a + after) * time
@@ -785,7 +785,7 @@ def _spread(
     turn = share * time
     j0, j1 = (middle - a0) / turn, (a[high] - middle) / (time - turn)
     vm = v0 + 0.5 * turn * (a0 + middle)
-    x, t = -((v0 + (0.5 * a0 + j0 / 6.0 * turn) * turn) * turn), -turn  # from the turn on
+    x, t = -((v0 + (0.5 * a0 + j0 * (1 / 6) * turn) * turn) * turn), -turn  # from the turn on
     for c in range(low, high):
         x += size[c]
         before, v, j = t, 0.0, j1
@@ -797,7 +797,7 @@ def _spread(
                 v = vm + (middle + 0.5 * j * t) * t
                 if v <= 0.0:
                     return False
-                over = (vm + (0.5 * middle + j / 6.0 * t) * t) * t - x
+                over = (vm + (0.5 * middle + j * (1 / 6) * t) * t) * t - x
                 t -= over / v
                 if abs(over) <= 1e-12 * size[c]:
                     break
@@ -1031,16 +1031,17 @@ def _faster(
 
     From ``v`` and ``a``; the acceleration is ``rate``, 0 or more, at the end.
     """
+    per_jerk, sixth = 1.0 / jerk, jerk * (1 / 6)
     top = math.sqrt(max(jerk * (speed - v) + 0.5 * (a * a + rate * rate), 0.0))
     top, hold = max(top, a, rate), 0.0
     if top > ramp:
         top = ramp
-        hold = max((speed - v - (top * top - 0.5 * (a * a + rate * rate)) / jerk) / top, 0.0)
-    begin, end = (top - a) / jerk, (top - rate) / jerk
+        hold = max((speed - v - (top * top - 0.5 * (a * a + rate * rate)) * per_jerk) / top, 0.0)
+    begin, end = (top - a) * per_jerk, (top - rate) * per_jerk
     rising = v + 0.5 * (a + top) * begin
-    way = (v + (0.5 * a + jerk / 6.0 * begin) * begin) * begin
+    way = (v + (0.5 * a + sixth * begin) * begin) * begin
     way += (rising + 0.5 * top * hold) * hold
-    return top, hold, way + (speed - (0.5 * rate + jerk / 6.0 * end) * end) * end
+    return top, hold, way + (speed - (0.5 * rate + sixth * end) * end) * end
 
 
 @inner
@@ -1059,7 +1060,7 @@ def _onward(
         end = (rate - least) / jerk
         between = speed - 0.5 * (rate + least) * end
         top, hold, way = _faster(v, a, between, least, ramp, jerk)
-        over = way + (speed - (0.5 * rate - jerk / 6.0 * end) * end) * end - total
+        over = way + (speed - (0.5 * rate - jerk * (1 / 6) * end) * end) * end - total
         if trial == 0 and not over <= 0.0:
             return -1.0, 0.0, 0.0
         if abs(over) <= 1e-14 * total:
@@ -1144,7 +1145,7 @@ def _put(
                     t = _part(t, pace, q - longest, extra + 1)
                 if way == 1:
                     t = -t
-                length += (v + (0.5 * rate + j / 6.0 * t) * t) * t
+                length += (v + (0.5 * rate + j * (1 / 6) * t) * t) * t
                 v += (rate + 0.5 * j * t) * t
                 rate += j * t
             size[c] = abs(length)
@@ -1239,14 +1240,14 @@ def law(
             j = (end - x) / left
             while True:
                 room = path.length[e] - s
-                step = (v + (0.5 * x + j / 6.0 * left) * left) * left
+                step = (v + (0.5 * x + j * (1 / 6) * left) * left) * left
                 crossing = e < final and step > room * (1.0 - 1e-13)
                 span = left
                 if crossing:
                     span = min(room / v, left) if v > 0.0 else left
                     early, late = 0.0, left
                     for _ in range(60):
-                        over = (v + (0.5 * x + j / 6.0 * span) * span) * span - room
+                        over = (v + (0.5 * x + j * (1 / 6) * span) * span) * span - room
                         if over < 0.0:
                             early = span
                         else:
@@ -1274,12 +1275,12 @@ def law(
                 elif now > time:  # what rounding makes instantaneous is left out
                     element[k] = e
                     piece[k, 0], piece[k, 1] = s, v
-                    piece[k, 2], piece[k, 3] = 0.5 * x, j / 6.0
+                    piece[k, 2], piece[k, 3] = 0.5 * x, j * (1 / 6)
                     k += 1
                     start[k] = now
                 time = now
                 if not crossing:
-                    s += (v + (0.5 * x + j / 6.0 * span) * span) * span
+                    s += (v + (0.5 * x + j * (1 / 6) * span) * span) * span
                     break
                 v += (x + 0.5 * j * span) * span
                 x += j * span

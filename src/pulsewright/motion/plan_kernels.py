@@ -38,7 +38,7 @@ from pulsewright.motion.cell_law import (
     two_pieces,
 )
 from pulsewright.motion.path import Elements, Flags, Floats, Ints, Limits, _peaks, component
-from pulsewright.motion.refine import refine, window_of
+from pulsewright.motion.refine import WINDOW, Window, refine, window_of
 
 BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
 TWIST_SHARE = 0.9  # of the jerk, for bending at constant speed
@@ -64,7 +64,11 @@ BRIDGES = (1, 2, 3, 5)  # cells on both sides of a broken one that change with i
 LINE_SHARE = 0.999  # of the acceleration on lines
 LEAST_PIECE = 1e-5  # of the longest one on a line: what is shorter is left out
 LINE_JERK = 0.9999  # of the jerk on lines
-LINE_SOFT = 0.8  # the same until speeds are raised beside them
+LINE_SOFT = 0.8  # the same while speeds are raised
+MATTERS = 0.005  # of a run's time, lost to the second-order optimum
+WORTH = 0.03  # of a window's time, lost the same way
+SMALLEST = 16  # cells, where larger windows find nothing better
+FULL = 1.0 - 1e-6  # of the square of the largest speed: such a state stays
 PARTS = 4096  # cells of one element at most
 
 
@@ -636,7 +640,7 @@ def speeds(
         np.full(n, 0.5), np.empty(n + 1, np.int64), np.empty((6, n + 8)),
     )  # fmt: skip
     window = window_of(limits.velocity.size)
-    best = task.work[4]
+    best = np.empty(n + 1)
     repaired = np.zeros(3, np.int64)
     broken = np.zeros(n, np.bool_)
     for c in range(n):
@@ -684,8 +688,7 @@ def speeds(
                 repaired[2] += 1
                 _slow_down(task, b, a, first, last)
             _best(task, best, b, first, last)
-            refine(window, path, limits, grid, task.split, best, b, a, first, last)
-            _straight(task, b, a, first, last, LINE_JERK)
+            _raise(task, window, path, limits, best, b, a, first, last)
         first = last
     return b, a, task.split, repaired
 
@@ -890,7 +893,62 @@ def _fit(task: Task, b: Floats, a: Floats, first: int, last: int) -> None:
         if i == last - 1 and b[last] == 0.0:
             top = min(top, b[i] / size[i] * (2 / 3))
         a[i] = min(max(a[i], -top), top)
-    _straight(task, b, a, first, last, LINE_SOFT)
+    _straight(task, b, a, first, last, LINE_JERK)
+
+
+@inner
+def _raise(
+    task: Task,
+    window: Window,
+    path: Elements,
+    limits: Limits,
+    best: Floats,
+    b: Floats,
+    a: Floats,
+    first: int,
+    last: int,
+) -> None:
+    """Raise speeds of a run where b is far below ``best``, its second-order optimum; see `refine`.
+
+    Lines there have less jerk meanwhile: where a limit is used up, there is no way to begin.
+    """
+    cells, row, share = task.cells, task.cells.row, task.cells.share
+    whole, lost = _loss(cells, best, b, first, last)
+    if lost < MATTERS * whole:
+        return
+    begin, most = first, WINDOW
+    while begin < last:
+        end = begin + 1
+        while end < min(last, begin + most):
+            pace = max(share[row[end - 1], 0, 0], share[row[end], 0, 0])
+            if b[end] * pace * pace >= FULL:
+                break
+            end += 1
+        whole, lost = _loss(cells, best, b, begin, end)
+        done = end == begin + 1 or lost <= WORTH * whole
+        if not done:
+            low, high = begin, end  # and the lines that begin before it, or end after it
+            while low > first and row[low - 1] == row[low]:
+                low -= 1
+            while high < last and row[high - 1] == row[high]:
+                high += 1
+            _straight(task, b, a, low, high, LINE_SOFT)
+            done = refine(window, path, limits, cells, task.split, b, a, begin, end)
+            _straight(task, b, a, low, high, LINE_JERK)
+        most = WINDOW if done else (end - begin) // 2  # perhaps only some cells are in the way
+        if done or most < SMALLEST:
+            begin, most = end, WINDOW
+
+
+@inner
+def _loss(cells: Cells, best: Floats, b: Floats, first: int, last: int) -> tuple[float, float]:
+    """Return about the time of some cells, and how much less it is with ``best``."""
+    whole, less = 0.0, 0.0
+    for c in range(first, last):
+        size = 2.0 * cells.size[c]
+        whole += size / (math.sqrt(b[c]) + math.sqrt(b[c + 1]))
+        less += size / (math.sqrt(best[c]) + math.sqrt(best[c + 1]))
+    return whole, whole - less
 
 
 @inner

@@ -30,9 +30,6 @@ from pulsewright.motion.cell_law import ROUNDING, Cells, extremes, is_bent, two_
 from pulsewright.motion.path import Elements, Floats, Limits
 
 WINDOW = 192  # cells at once
-SMALLEST = 16  # cells, where larger windows find nothing better
-MATTERS = 0.005  # of a run's time, lost to the second-order optimum
-WORTH = 0.03  # of a window's time, lost the same way
 STEPS = 20  # of Newton's method
 BARRIER = 0.04  # weight of barriers at first, over the mean time of a cell
 LEAST = 2e-4  # the same at last
@@ -50,7 +47,6 @@ GAP = 0.0005  # of limits, always kept free
 MARGIN = 1.03  # over what limits may be exceeded by between places
 AGAIN = 0.7  # of what limits were broken by: kept free besides
 BACK = (0.0, 0.1, 0.2, 0.4, 0.8)  # of the way to states that keep limits, until others do, too
-FULL = 1.0 - 1e-6  # of the square of the largest speed: such a state stays
 SLOW = 0.3  # of the speed in a cell: from there on, jerks are compared with the speed
 TURN = 0.08  # of a cell that has places at the ends of its pieces only [rad]
 PLACES = 12  # of a piece, besides its begin, at most
@@ -127,51 +123,6 @@ def window_of(rows: int) -> Window:
 
 @inner
 def refine(
-    w: Window,
-    path: Elements,
-    limits: Limits,
-    cells: Cells,
-    split: Floats,
-    best: Floats,
-    b: Floats,
-    a: Floats,
-    first: int,
-    last: int,
-) -> None:
-    """Make a run faster where b is far below ``best``, its second-order optimum."""
-    whole, lost = _loss(cells, best, b, first, last)
-    if lost < MATTERS * whole:
-        return
-    row, share, begin, most = cells.row, cells.share, first, WINDOW
-    while begin < last:
-        end = begin + 1
-        while end < min(last, begin + most):
-            pace = max(share[row[end - 1], 0, 0], share[row[end], 0, 0])
-            if b[end] * pace * pace >= FULL:
-                break
-            end += 1
-        whole, lost = _loss(cells, best, b, begin, end)
-        done = end == begin + 1 or lost <= WORTH * whole
-        if not done:
-            done = _window(w, path, limits, cells, split, b, a, begin, end)
-        most = WINDOW if done else (end - begin) // 2  # perhaps only some cells are in the way
-        if done or most < SMALLEST:
-            begin, most = end, WINDOW
-
-
-@inner
-def _loss(cells: Cells, best: Floats, b: Floats, first: int, last: int) -> tuple[float, float]:
-    """Return about the time of some cells, and how much less it is with ``best``."""
-    whole, less = 0.0, 0.0
-    for c in range(first, last):
-        size = 2.0 * cells.size[c]
-        whole += size / (math.sqrt(b[c]) + math.sqrt(b[c + 1]))
-        less += size / (math.sqrt(best[c]) + math.sqrt(best[c + 1]))
-    return whole, whole - less
-
-
-@inner
-def _window(
     w: Window,
     path: Elements,
     limits: Limits,

@@ -687,6 +687,8 @@ def speeds(
             if left > 0:
                 repaired[2] += 1
                 _slow_down(task, b, a, first, last)
+            if trial > 1:  # repairs leave lines slower than they can be
+                _straight(task, b, a, first, last, LINE_JERK)
             _best(task, best, b, first, last)
             _raise(task, window, path, limits, best, b, a, first, last)
         first = last

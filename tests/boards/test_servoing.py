@@ -64,12 +64,12 @@ class HostBus(EppBus):
 class Loop:
     """A board that plays a plan in closed loop, and its pins."""
 
-    def __init__(self, board, late=lambda: 0.0, options=None, rate=5000.0, **drives):
+    def __init__(self, board, late=lambda: 0.0, options=None, rate=5000.0, way=None, **drives):
         self.room = boards.get(board)
         options = BOARDS[board] if options is None else options
         self.twin = self.room.twin(self.room.default_profile, **options)
         self.driver = self.room.driver(HostBus(self.twin, late), **options)
-        self.plan = plan()
+        self.plan = way or plan()
         self.player = self.room.player(
             self.driver,
             self.plan,
@@ -147,6 +147,31 @@ def test_a_plan_that_is_left_rests_on_its_path(board):
     assert 0.25 < stop.time < 0.4 < SECONDS  # 3750 step/s take 63 ms at 60 000 step/s^2
     assert np.abs(np.array(stop.position) - loop.plan.at(stop.time)[0]).max() <= 0.51
     assert loop.driver.position_known
+
+
+def resting(share, since, until):
+    """Return a plan that rests in its middle, at a share of the way, between two times [s]."""
+    law = [
+        [0.0, 0.0, 3 * share / since**2, -2 * share / since**3],
+        [share, 0.0, 0.0, 0.0],
+        [share, 0.0, 3 * (1 - share) / since**2, -2 * (1 - share) / since**3],
+    ]
+    start = np.array([0.0, since, until, until + since])
+    return plan().timed(np.zeros(3, np.int32), start, np.array(law))
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_a_motor_rests_where_the_plan_does(board):
+    """At 750.512 steps, that is 0.012 more than the board needs to be told to make the last one."""
+    loop = Loop(board, jitter(0.0002), way=resting(750.512 / WAY[0], 0.4, 1.4))
+    loop.player.prepare()
+    loop.player.play(math.inf)
+    steps = loop.steps()
+    assert positions(steps) == END
+    for (cycles, signs), there in zip(steps, (751, -450), strict=True):
+        time = (cycles - loop.player.start_cycle) / loop.twin.clock_hz
+        assert signs[time < 0.46].sum() == there
+        assert not ((time > 0.46) & (time < 1.4)).any()
 
 
 @pytest.mark.parametrize("board", BOARDS)

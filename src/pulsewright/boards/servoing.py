@@ -31,7 +31,7 @@ HEADROOM: Final = 1.25  # of a motor's rate, for corrections
 SLOWEST: Final = 1.0  # lower rates are none [step/s]
 LOOKS: Final = 2  # of which the first is taken whose time is known ...
 SURE: Final = 5e-4  # ... up to this, either way [s]
-AT_END: Final = 0.4  # so far from the end of the plan a motor is there [step]
+THERE: Final = 0.4  # so far from where it rests a motor is there [step]
 SETTLED: Final = 3  # periods in which all motors are there: the plan is done
 SETTLING: Final = 1.0  # that a motor may take to get there [s]
 
@@ -186,8 +186,9 @@ class ServoPlayer(PacedPlayer):
         self._wait()
         driver.check_running()
         self._watch()
-        now, error = self._error()
-        rates = self._wanted_rates(now, error)
+        now, error, rates = self._look()
+        known = np.sign(error) * np.maximum(abs(error) - self._grain, 0.0)
+        rates += GAIN * known
         # what the board rounds off is in the next rates
         asked = np.clip(rates + self._wanted - self._given, -self._fastest, self._fastest)
         asked[(abs(asked) < SLOWEST) | (rates == 0)] = 0
@@ -215,8 +216,20 @@ class ServoPlayer(PacedPlayer):
             self._watched = bus.now() + round(WATCH * bus.clock_hz)
             check_switches(self.driver, self._switches)
 
-    def _error(self) -> tuple[float, NDArray[np.float64]]:
-        """Return the time of a look at the motors [s], and planned minus actual positions [step].
+    def _look(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        """Compare the motors with the plan.
+
+        Where the plan stands still, a motor is to rest on the nearest step. Corrections of less
+        than a step are slow, and would end in a step up to a second after it should be at rest.
+
+        Returns
+        -------
+        float
+            The time of the look [s].
+        (motors,) float64
+            Planned minus actual position, 0 for a motor that is where it rests [step].
+        (motors,) float64
+            Rates of the plan in the next period [step/s].
 
         Raises
         ------
@@ -230,10 +243,9 @@ class ServoPlayer(PacedPlayer):
             if doubt <= SURE:
                 break
         now = before + doubt
-        goal = self.trajectory.at(now)[0]
-        if now > self.trajectory.duration:
-            goal = np.floor(goal + 0.5)
-        error = goal - place
+        here, soon = self.trajectory.at(np.array([now, now + PERIOD]))
+        still = here == soon
+        error = np.where(still, np.floor(here + 0.5), here) - place
         self.worst = np.maximum(self.worst, abs(error))
         # rates were those of the last look all the time, and the loop takes time to make that good
         since, self._looked = now - self._looked, now
@@ -245,19 +257,12 @@ class ServoPlayer(PacedPlayer):
         if (abs(error) > bounds).any():
             self.driver.check_running()  # if it has stopped by itself, that is the cause
             check_positions(self.driver.registers.board, -error, bounds, self._cause)
-        return now, np.asarray(error)
-
-    def _wanted_rates(self, now: float, error: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the rates that keep the motors on the plan in the next period [step/s]."""
-        here, next_ = self.trajectory.at(np.array([now, now + PERIOD]))
-        if now > self.trajectory.duration:
-            error = np.where(abs(error) <= AT_END, 0.0, error)
-        known = np.sign(error) * np.maximum(abs(error) - self._grain, 0.0)
-        return np.asarray((next_ - here) / PERIOD + GAIN * known)
+        error[still & (abs(error) <= THERE)] = 0.0
+        return now, error, (soon - here) / PERIOD
 
     def _settle(self, now: float, error: NDArray[np.float64]) -> None:
         """Note that the motors are at the end of the plan; that has to be so for some periods."""
-        there = abs(error) <= max(AT_END, self._grain)
+        there = abs(error) <= self._grain
         resting = not self._given.any()
         self._settled = self._settled + 1 if there.all() and resting else 0
         self._finished = self._settled >= SETTLED

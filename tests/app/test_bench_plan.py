@@ -126,7 +126,6 @@ def test_a_plan_takes_the_rise_of_its_acceleration_longer():
     best = 100 / 50 + 50 / 3000
     assert result.second == pytest.approx(best, rel=1e-5)
     assert result.time == pytest.approx(best + 3000 / 1e6, rel=1e-3)
-    assert result.spent > 0
 
 
 @pytest.mark.parametrize(

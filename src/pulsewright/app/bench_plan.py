@@ -16,14 +16,16 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from pulsewright import compiled
-from pulsewright.app.bench_gcode import CORPUS, Row, surface
+from pulsewright.app.bench_gcode import CORPUS, RUNS, Row, cpu_time, surface, teeth
 from pulsewright.app.memory import keep_freed_memory, peak_memory
 from pulsewright.errors import UsageError
 
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
     from pulsewright.motion.machine import Machine
     from pulsewright.motion.moves import Moves
 
-RUNS: Final = 3
 SPEED: Final = 200.0  # of every axis [mm/s]; 5 times that of A [degrees/s]
 ACCELERATION: Final = 3000.0  # [mm/s^2]
 JERKS: Final = {1e6: "<= 1.10", 3e5: "<= 1.20"}  # [mm/s^3], and the aim
@@ -41,6 +42,7 @@ TELLING: Final = 1.005  # ratio of T3 to T2 from which on it is told
 CHORDS: Final = 1000
 LINES: Final = 1_000_000
 PRINTED: Final = 20_000
+SURFACED: Final = 20_000
 FIRST_LINES: Final = (2, 1000)  # few, which Python plans, and more than that
 
 
@@ -50,13 +52,17 @@ class Measured(NamedTuple):
     time: float  # [s]
     second: float  # T2 [s]
     third: float  # T3 [s]
-    spent: float  # CPU time of planning [s]
 
 
 def rows() -> list[Row]:
     """Return what was measured: time over the optimum, speed, a circle in chords, memory."""
+    from pulsewright.motion.plan import plan
+
     compiled.always()
     programs = {path.name: _moves(path) for path in sorted(CORPUS.glob("*")) if _is_program(path)}
+    with tempfile.TemporaryDirectory() as folder:
+        surface(program := Path(folder) / "surface.ngc", SURFACED)
+        programs[f"{SURFACED:,} lines of a surface"] = _moves(program)
     found: list[Row] = []
     for jerk, aim in JERKS.items():
         machine = bench_machine(jerk)
@@ -70,7 +76,7 @@ def rows() -> list[Row]:
                     found.append((f"least possible: T3 over T2, {what}", least, "", ""))
     machine = bench_machine(max(JERKS))
     for name, moves in programs.items():
-        spent = measured(blended(moves, TOLERANCES[0]), machine, RUNS).spent
+        spent = cpu_time(partial(plan, blended(moves, TOLERANCES[0]), machine))
         found.append((f"planning of {name}", len(moves) / spent / 1e6, "M moves/s", ">= 2"))
     for jerk in JERKS:
         ratio = _chorded(bench_machine(jerk))
@@ -78,10 +84,11 @@ def rows() -> list[Row]:
     spent = _board_words(machine)
     what = f"file to board words, 4 axes, usc, {PRINTED:,} lines like those of a print"
     found.append((what, PRINTED / spent / 1e6, "M lines/s", ">= 0.5"))
-    spent, memory = _whole_file()
-    what = f"interpreting, planning and certifying {LINES:,} lines"
-    found.append((what, LINES / spent / 1e6, "M lines/s", ""))
-    found.append((f"{what}, peak memory", memory, "MB", "< 300"))
+    for write in (surface, teeth):
+        spent, memory = _whole_file(write)
+        what = f"interpreting, planning and certifying {LINES:,} lines, {write.__name__}"
+        found.append((what, LINES / spent / 1e6, "M lines/s", ""))
+        found.append((f"{what}, peak memory", memory, "MB", "< 300"))
     for lines in FIRST_LINES:
         cold, kept = _first_results(lines)
         what = f"first result: plan of {lines:,} lines, a new process"
@@ -111,8 +118,8 @@ def blended(moves: Moves, tolerance: float) -> Moves:
     return replace(moves, tolerance=limit, collapse=np.zeros(len(moves)))
 
 
-def measured(moves: Moves, machine: Machine, runs: int = 1) -> Measured:
-    """Return the time of a plan, bounds of it, and the CPU time of planning, a median.
+def measured(moves: Moves, machine: Machine) -> Measured:
+    """Return the time of a plan, and bounds of it.
 
     Raises
     ------
@@ -122,11 +129,7 @@ def measured(moves: Moves, machine: Machine, runs: int = 1) -> Measured:
     from pulsewright.app.bench_optimum import bound, optimum
     from pulsewright.motion.plan import blended_path, certify, plan
 
-    spent = []
-    for _ in range(runs):
-        start = time.process_time()
-        trajectory = plan(moves, machine)
-        spent.append(time.process_time() - start)
+    trajectory = plan(moves, machine)
     certificate = certify(trajectory, moves, machine)
     if not certificate.passed:
         raise UsageError(f"a plan of the benchmark fails its certificate: {certificate}")
@@ -135,7 +138,6 @@ def measured(moves: Moves, machine: Machine, runs: int = 1) -> Measured:
         time=trajectory.duration,
         second=optimum(elements, limits, PARTS),
         third=bound(elements, limits, PARTS),
-        spent=statistics.median(spent),
     )
 
 
@@ -212,12 +214,7 @@ def _board_words(machine: Machine) -> float:
         program = Path(folder) / "print.ngc"
         printing(program, PRINTED)
         convert(program)  # compiles
-        spent = []
-        for _ in range(RUNS):
-            begin = time.process_time()
-            convert(program)
-            spent.append(time.process_time() - begin)
-    return statistics.median(spent)
+        return cpu_time(partial(convert, program))
 
 
 def _first_results(lines: int) -> tuple[float, float]:
@@ -236,11 +233,11 @@ def _first_results(lines: int) -> tuple[float, float]:
     return waited[0], statistics.median(waited[1:])
 
 
-def _whole_file() -> tuple[float, float]:
+def _whole_file(write: Callable[[Path, int], None]) -> tuple[float, float]:
     """Return CPU time [s] and peak memory [MB] of a process that plans a long program."""
     with tempfile.TemporaryDirectory() as folder:
-        program = Path(folder) / "surface.ngc"
-        surface(program, LINES)
+        program = Path(folder) / "long.ngc"
+        write(program, LINES)
         command = [sys.executable, "-m", "pulsewright.app.bench_plan", str(program)]
         output = subprocess.run(command, capture_output=True, text=True, check=False)
     if output.returncode:

@@ -1,14 +1,16 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, alone or together."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pulsewright.errors import UsageError
+from pulsewright.interrupts import kept_back
 
 
 @contextmanager
@@ -42,3 +44,41 @@ def replacing(path: Path | str) -> Iterator[Path]:
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def appearing(folder: Path | str) -> Iterator[Path]:
+    """Give a temporary folder to write files to; they go to ``folder`` when all went well.
+
+    They do so at once, and an interrupt waits for it: files of two jobs are never beside each
+    other. ``folder`` is made if missing. Leaving with an exception removes what was written and
+    what was made, and leaves older files untouched.
+
+    Raises
+    ------
+    UsageError
+        If the folder cannot be made or written.
+
+    Examples
+    --------
+    >>> with appearing("out/rosette") as temporary:
+    ...     (temporary / "report.json").write_text("{}")
+    """
+    target = Path(folder)
+    made = [parent for parent in (target, *target.parents) if not parent.exists()]
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(dir=target, prefix="."))
+    except OSError as error:
+        raise UsageError(f"{target}: cannot be written ({error.strerror})") from error
+    try:
+        yield temporary
+        with kept_back():
+            made = []
+            for file in sorted(temporary.iterdir()):
+                file.replace(target / file.name)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+        with suppress(OSError):  # somebody else uses it by now
+            for parent in made:
+                parent.rmdir()

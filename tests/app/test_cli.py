@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -221,6 +223,15 @@ def test_starting_loads_nothing_heavy(statement, absent):
     assert not absent & set(loaded)
 
 
+def opened(pid):
+    """Return the names of all files that a process has open."""
+    names = []
+    for link in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(OSError):  # closed meanwhile
+            names.append(str(link.readlink()))
+    return names
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_a_run_that_is_ended_leaves_nothing(folder, number, code):
     """A job of an hour, ended once it has begun to write; the machine stands on its path."""
@@ -228,7 +239,7 @@ def test_a_run_that_is_ended_leaves_nothing(folder, number, code):
     command = [sys.executable, "-c", "from pulsewright.app.cli import main; main()", "run", path]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         until = time.monotonic() + 300
-        while not (folder / "out/part").exists():
+        while not any("/out/part/" in name for name in opened(process.pid)):
             assert process.poll() is None
             assert time.monotonic() < until
             time.sleep(0.01)

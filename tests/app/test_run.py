@@ -67,6 +67,25 @@ def test_an_estop_in_the_middle_ends_the_job_and_leaves_nothing(tmp_path, monkey
     assert not (tmp_path / "new").exists()
 
 
+def test_an_interrupt_while_the_report_is_written_leaves_the_one_before(tmp_path, monkeypatch):
+    def content(folder):
+        return {path.name: path.read_bytes() for path in folder.rglob("*")}
+
+    job(tmp_path, "G1 X1 F600\n").run(out=tmp_path / "out")
+    before = content(tmp_path / "out")
+    assert {"certificate.json", "path.png", "report.html", "trace.npz"} <= set(before)
+
+    def interrupted(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pulsewright.app.report.write_report", interrupted)
+    for out in ("out", "new/out"):
+        with pytest.raises(KeyboardInterrupt):
+            job(tmp_path, "G1 X2 F600\n").run(out=tmp_path / out)
+    assert content(tmp_path / "out") == before
+    assert not (tmp_path / "new").exists()
+
+
 @pytest.mark.parametrize("out", ["file", "file/out", "file/new/out"])
 def test_reports_that_cannot_be_written_are_refused_before_anything_moves(tmp_path, out):
     (tmp_path / "file").write_text("")

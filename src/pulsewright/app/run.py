@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -33,7 +33,7 @@ from pulsewright.edges.timing import DriveTiming
 from pulsewright.edges.trace import EdgeTrace
 from pulsewright.edges.writer import TraceWriter
 from pulsewright.errors import MachineError, UsageError
-from pulsewright.files import replacing
+from pulsewright.files import appearing, replacing
 from pulsewright.motion.certificate import Certificate, certify
 from pulsewright.motion.gcode import interpret
 from pulsewright.motion.hold import AxisLimits
@@ -140,6 +140,7 @@ class Job:
     ) -> Result:
         """Run on a board and verify the step edges; write reports to ``out`` unless None.
 
+        They appear there all at once; without them, as after an error, what was there stays.
         Whatever ends it early, Ctrl-C and SIGTERM included, lets the machine come to rest on its
         path within its limits, if the link lives; the error has a note of where that is.
 
@@ -184,30 +185,32 @@ class Job:
         room = boards.get(name)
         # what the machine file says holds for its own board only
         own = machine if name == settings.name else None
-        standing = Standing(link, self.program.path, referenced=referenced)
-        with self._fed(feed) as feeding, standing:
-            standing.driver = driver = boards.open_board(
-                name,
-                link,
-                profile=profile or (settings.profile if own else None),
-                record=record,
-                faults=faults,
-                **room.parameters_for(machine.motors) | _switches(own),
-            )
-            if vcd and not hasattr(driver.bus, "twin"):
-                driver.close()
-                raise UsageError(
-                    f"link '{link}' does not record step edges, which trace.vcd holds; leave it "
-                    f"out, or use twin:"
+        folder = None if out is None else Path(out)
+        with nullcontext() if folder is None else appearing(folder) as written:
+            standing = Standing(link, self.program.path, referenced=referenced)
+            with self._fed(feed) as feeding, standing:
+                standing.driver = driver = boards.open_board(
+                    name,
+                    link,
+                    profile=profile or (settings.profile if own else None),
+                    record=record,
+                    faults=faults,
+                    **room.parameters_for(machine.motors) | _switches(own),
                 )
-            result = self._run_on(driver, room, _watched(own), feeding, out, progress)
-        del driver, standing, feeding  # and the memory they take
-        if result.folder is not None:
-            with self.clock.stage("write"):
-                progress("report", 0.0)
-                result.write(result.folder, vcd=vcd)
-                progress("report", 1.0)
-        return result
+                if vcd and not hasattr(driver.bus, "twin"):
+                    driver.close()
+                    raise UsageError(
+                        f"link '{link}' does not record step edges, which trace.vcd holds; leave "
+                        f"it out, or use twin:"
+                    )
+                result = self._run_on(driver, room, _watched(own), feeding, written, progress)
+            del driver, standing, feeding  # and the memory they take
+            if written is not None:
+                with self.clock.stage("write"):
+                    progress("report", 0.0)
+                    result.write(written, vcd=vcd)
+                    progress("report", 1.0)
+        return replace(result, folder=folder)
 
     @contextmanager
     def _fed(self, feed: FeedControl | None) -> Iterator[Feeding]:
@@ -229,7 +232,7 @@ class Job:
         room: Board,
         watched: Mapping[str, Any],
         feeding: Feeding,
-        out: Path | str | None,
+        folder: Path | None,
         progress: Progress,
     ) -> Result:
         machine = self.machine
@@ -256,7 +259,9 @@ class Job:
             switched = driver if room.digital_outputs else None
             outputs = _Outputs(switched, machine, self.program, feeding)
             if recorder is None:
-                return self._run_unseen(driver, player, outputs, feeding, out, progress)
+                for until in self._played(player, outputs, feeding):
+                    progress("run", min(until / max(self.duration, 1e-9), 1.0))
+                return self._result(driver, player, outputs, feeding, None)
             verifier = Verifier(
                 trajectory=self.trajectory,
                 moves=self.program.moves,
@@ -271,7 +276,7 @@ class Job:
             feeding.followed_by(verifier.follow)
             prepared = recorder.drain()
             verifier.feed(prepared)
-            with _folder(out) as folder, _trace_file(folder, prepared) as keep:
+            with _trace_file(folder, prepared) as keep:
                 for until in self._played(player, outputs, feeding):
                     with self.clock.stage("convert and run"):
                         recorder.advance(driver.bus.now())  # see the last access take effect
@@ -283,22 +288,7 @@ class Job:
                     progress("run", min(until / max(self.duration, 1e-9), 1.0))
                 with self.clock.stage("verify"):
                     verdict = verifier.finish()
-        return self._result(driver, player, outputs, feeding, verdict, folder)
-
-    def _run_unseen(
-        self,
-        driver: Any,
-        player: Player,
-        outputs: _Outputs,
-        feeding: Feeding,
-        out: Path | str | None,
-        progress: Progress,
-    ) -> Result:
-        """Run on a board whose pins nobody sees: what it tells by itself is all there is."""
-        with _folder(out) as folder:
-            for until in self._played(player, outputs, feeding):
-                progress("run", min(until / max(self.duration, 1e-9), 1.0))
-        return self._result(driver, player, outputs, feeding, None, folder)
+        return self._result(driver, player, outputs, feeding, verdict)
 
     def _played(self, player: Player, outputs: _Outputs, feeding: Feeding) -> Iterator[float]:
         """Play in portions of `CHUNK` at most; yield the time up to which has been played [s]."""
@@ -319,7 +309,6 @@ class Job:
         outputs: _Outputs,
         feeding: Feeding,
         verdict: Verdict | None,
-        folder: Path | None,
     ) -> Result:
         job = self
         if feeding.changes:
@@ -331,7 +320,7 @@ class Job:
             driver.profile,
             verdict,
             1 / player.update,
-            folder,
+            None,
             outputs.not_switched,
             player.evidence,
             tuple(feeding.changes),
@@ -621,26 +610,6 @@ def _require_no_file(out: Path | str | None) -> None:
         nearest = next(path for path in [Path(out), *Path(out).parents] if path.exists())
         if not nearest.is_dir():
             raise UsageError(f"{nearest}: is a file; --out names a folder")
-
-
-@contextmanager
-def _folder(out: Path | str | None) -> Iterator[Path | None]:
-    """Make a folder for reports; if it was not there and the job fails, it is gone again."""
-    if out is None:
-        yield None
-        return
-    folder = Path(out)
-    made = [parent for parent in [folder, *folder.parents] if not parent.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"{folder}: cannot be made ({error.strerror})") from error
-    try:
-        yield folder
-    except BaseException:
-        for parent in made:
-            parent.rmdir()
-        raise
 
 
 @contextmanager

@@ -66,6 +66,13 @@ def program(steps, *, start=(0, 0, 0), tolerance=0.01):
     )
 
 
+def unbounded():
+    """Return the machine with as much travel as anybody wants."""
+    wide = {"min": -1e6, "max": 1e6}
+    axes = {letter: axis.model_copy(update=wide) for letter, axis in MACHINE.axis.items()}
+    return MACHINE.model_copy(update={"axis": axes})
+
+
 def planned(moves, machine=MACHINE):
     """Plan, and insist on every promise."""
     trajectory = plan(moves, machine)
@@ -443,15 +450,7 @@ def random_program(seed):
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_every_promise_is_kept_on_random_programs(seed):
-    moves = random_program(seed)
-    wide = MACHINE.model_copy(
-        update={
-            "axis": {
-                letter: axis.model_copy(update={"min": -1e6, "max": 1e6})
-                for letter, axis in MACHINE.axis.items()
-            }
-        }
-    )
+    moves, wide = random_program(seed), unbounded()
     trajectory = planned(moves, wide)
     assert math.isfinite(trajectory.duration)
     # the certificate's bounds, sampled
@@ -460,6 +459,25 @@ def test_every_promise_is_kept_on_random_programs(seed):
     assert (np.abs(trajectory.at(time, 1) @ rows.T) <= velocity).all()
     assert (np.abs(trajectory.at(time, 2) @ rows.T) <= acceleration).all()
     assert (np.abs(trajectory.at(time, 3) @ rows.T) <= wide.jerk_limits()).all()
+
+
+@pytest.mark.parametrize("away", [0.0, 500.0])
+def test_fast_rotary_motion_keeps_the_tolerance_on_the_smallest_arcs(away):
+    """Far from zero nobody knows the length of such an arc, but to 1e-10 of it: much of A."""
+    rng = np.random.default_rng(3)
+    for _ in range(30):
+        start = place = rng.uniform(-away, away, 2)
+        steps, turned = [], 0.0
+        for _ in range(6):
+            radius, angle = 10 ** rng.uniform(-4, -2), rng.uniform(0, 2 * math.pi)
+            sweep = rng.choice([-1, 1]) * rng.uniform(0.1, 6)
+            center = place - radius * np.array([math.cos(angle), math.sin(angle)])
+            angle += sweep
+            place = center + radius * np.array([math.cos(angle), math.sin(angle)])
+            turned += rng.choice([0, rng.uniform(-360, 360), rng.uniform(-5000, 5000)])
+            steps.append(((*place, 0.0, turned), 10.0, (center, sweep)))
+        tolerance = 10 ** rng.uniform(-5, -1)
+        planned(program(steps, start=start, tolerance=tolerance), unbounded())
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ SLIVER = 1e-13  # of a segment: so small a part is none; what it bends is roundi
 OVERLAP = 1e-8  # of the smaller one of two blends on a segment: such a part of it is none, too
 MARGIN = 1e-7  # of feeds and limits, for rounding on the shortest pieces and in late times
 ROUNDING = 1e-11  # of positions, left of tolerances [mm, degrees]
+DOUBT = 4e-15  # of positions: so far from there, nobody knows how long a segment is
 LEAST_BLEND = 1e-7  # of a segment: in a smaller one, rounding would be felt; the machine rests
 SHORT_BLEND = 0.1  # of the stopping distance: so short a blend hinders no change of speed
 WIDEST_ARC = 0.5  # of an arc that a blend may bend [rad]
@@ -592,14 +593,19 @@ def _find_corners(s: Segments, limits: Limits, found: Blends, work: Floats) -> N
             turn[k, axis] = e2[axis] - e1[axis]
             bend[k, axis] = c2[axis] - c1[axis]
             dot += e1[axis] * e2[axis]
-        square = (_squared(e1, 0) + _squared(e1, 3)) * (_squared(e2, 0) + _squared(e2, 3))
+        s1, s2 = _squared(e1, 0) + _squared(e1, 3), _squared(e2, 0) + _squared(e2, 3)
         angle, more = _norm(turn[k]), _norm(bend[k])
         curved[k] = s.omega[k] > 0.0 or s.omega[k + 1] > 0.0
-        rest[k] = dot <= REVERSAL * math.sqrt(square)
+        rest[k] = dot <= REVERSAL * math.sqrt(s1 * s2)
         if rest[k] or (angle <= TANGENT and more <= TANGENT):
             continue
-        top, ramp = min(s.top[k], s.top[k + 1]), min(s.ramp[k], s.ramp[k + 1])
+        away = max(_length(s.poly[k, 0], 0), _length(s.poly[k + 1, 0], 0))
         free = s.tolerance[k] * (1.0 - 1e-9) - ROUNDING
+        free -= DOUBT * away * math.sqrt(max(s1, s2))
+        if free < ROUNDING:
+            rest[k] = True
+            continue
+        top, ramp = min(s.top[k], s.top[k + 1]), min(s.ramp[k], s.ramp[k + 1])
         first, second = CORNER_PART * angle, CURVE_PART * more
         wanted[k] = 2.0 * free / (first + math.sqrt(first * first + 4.0 * second * free))
         wanted[k] = min(wanted[k], _of_use(turn[k], bend[k], top, ramp, limits))

@@ -71,9 +71,14 @@ def test_an_interrupt_while_the_report_is_written_leaves_the_one_before(tmp_path
     def content(folder):
         return {path.name: path.read_bytes() for path in folder.rglob("*")}
 
-    job(tmp_path, "G1 X1 F600\n").run(out=tmp_path / "out")
+    (tmp_path / "out/.killed").mkdir(parents=True)
+    summary = job(tmp_path, "G1 X1 F600\n").run(out=tmp_path / "out").summary()
+    (tmp_path / "out/.killed").rmdir()
     before = content(tmp_path / "out")
-    assert {"certificate.json", "path.png", "report.html", "trace.npz"} <= set(before)
+    assert set(before) == {
+        *("certificate.json", "path.png", "report.html", "report.json", "trace.npz")
+    }
+    assert summary["files"] == sorted(str(tmp_path / "out" / name) for name in before)
 
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt

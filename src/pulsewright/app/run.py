@@ -471,7 +471,8 @@ class Result:
 
     def summary(self) -> dict[str, Any]:
         """Return everything but the path in plain types."""
-        files = sorted(str(path) for path in self.folder.iterdir()) if self.folder else []
+        # hidden ones are of runs that write just now, or were killed
+        files = sorted(map(str, self.folder.glob("[!.]*"))) if self.folder else []
         verdict = None if self.verdict is None else self.verdict.to_json()
         return {**self.context(), "passed": self.passed, "files": files, "verdict": verdict}
 

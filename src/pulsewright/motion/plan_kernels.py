@@ -82,6 +82,7 @@ class Pace(NamedTuple):
     ramp: Floats  # (m,) path acceleration there
     speed: Floats  # (m + 1,) square of the speed at the ends of elements
     busy: Floats  # (m,) distance to elements where the speed changes; -1 for these
+    sizes: Floats  # (m, r, 3) largest derivatives of position along the rows of limits
     bent: Flags  # (m,) whether the element is not a line
 
 
@@ -126,14 +127,11 @@ def _arc(path: Elements, e: int, begin: float, end: float) -> _Arc:
 
 
 @inlined
-def _bound(
-    path: Elements, limits: Limits, e: int, begin: float, end: float, share: Floats, p: int
-) -> None:
-    """Raise shares, ``share[p]``, to those of a part of element ``e``."""
-    arc = _arc(path, e, begin, end)
+def _bound(path: Elements, limits: Limits, e: int, sizes: Floats, share: Floats, p: int) -> None:
+    """Raise shares, ``share[p]``, to those of the part of element ``e`` that has ``sizes[e]``."""
     share[p, 0, 0] = max(share[p, 0, 0], 1.0 / path.feed[e])
     for r in range(limits.velocity.size):
-        first, second, third = _sizes(path, limits, e, r, begin, end, arc)
+        first, second, third = sizes[e, r, 0], sizes[e, r, 1], sizes[e, r, 2]
         per_acceleration, per_jerk = limits.per_acceleration[r], limits.per_jerk[r]
         share[p, 0, 0] = max(share[p, 0, 0], first * limits.per_velocity[r])
         share[p, r, 1] = max(share[p, r, 1], first * per_acceleration)
@@ -270,7 +268,8 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
     ``square`` is that of the speed at the start.
     """
     m, rows = path.length.size, limits.velocity.size
-    pace = Pace(np.empty(m), np.empty(m), np.empty(m + 1), np.empty(m), np.empty(m, np.bool_))
+    sizes, bent = np.empty((m, rows, 3)), np.empty(m, np.bool_)
+    pace = Pace(np.empty(m), np.empty(m), np.empty(m + 1), np.empty(m), sizes, bent)
     delay = _rough(path, limits, square, pace)
     size = m + 2 * PARTS
     element, offset, length = np.empty(size, np.int64), np.empty(size), np.empty(size)
@@ -286,7 +285,7 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
     rest, row = np.empty(n, np.bool_), np.empty(n, np.int64)
     share, matter = np.empty((used, rows, 6)), np.empty(used, np.int64)
     found = Cells(element[:n], offset[:n], length[:n], rest, row, share, matter)
-    _finish(path, pace.bent, limits, found)
+    _finish(path, pace, limits, found)
     return found
 
 
@@ -294,7 +293,7 @@ def cells(path: Elements, limits: Limits, square: float) -> Cells:
 def _rough(path: Elements, limits: Limits, square: float, pace: Pace) -> float:
     """Find the second-order speeds, roughly; return how long acceleration takes to build up."""
     m, cap, ramp, speed, busy = path.length.size, pace.cap, pace.ramp, pace.speed, pace.busy
-    delay = 0.0
+    sizes, delay = pace.sizes, 0.0
     for r in range(limits.velocity.size):
         delay = max(delay, limits.acceleration[r] / limits.jerk[r])
     for e in range(m):
@@ -307,6 +306,7 @@ def _rough(path: Elements, limits: Limits, square: float, pace: Pace) -> float:
         slow, steep, bend, twist = 1.0 / path.feed[e], 0.0, 0.0, 0.0
         for r in range(limits.velocity.size):
             first, second, third = _sizes(path, limits, e, r, 0.0, end, arc)
+            sizes[e, r, 0], sizes[e, r, 1], sizes[e, r, 2] = first, second, third
             slow = max(slow, first * limits.per_velocity[r])
             steep = max(steep, first * limits.per_acceleration[r])
             bend = max(bend, second * limits.per_acceleration[r])
@@ -395,9 +395,9 @@ def _group(
 
 
 @inner
-def _finish(path: Elements, bent: Flags, limits: Limits, cells: Cells) -> None:
+def _finish(path: Elements, pace: Pace, limits: Limits, cells: Cells) -> None:
     """Find where cells end at rest, their shares, and how many rows of these matter."""
-    n, p = cells.size.size, -1
+    n, p, bent, sizes = cells.size.size, -1, pace.bent, pace.sizes
     for c in range(n):
         e = cells.element[c]
         after = cells.element[c + 1] if c + 1 < n else path.length.size
@@ -410,12 +410,16 @@ def _finish(path: Elements, bent: Flags, limits: Limits, cells: Cells) -> None:
         for r in range(cells.share.shape[1]):
             for k in range(6):
                 cells.share[p, r, k] = 0.0
+        if bent[e] and cells.size[c] < path.length[e]:  # then all its cells are parts
+            begin, end = cells.offset[c], cells.offset[c] + cells.size[c]
+            arc = _arc(path, e, begin, end)
+            for r in range(limits.velocity.size):
+                sizes[e, r, 0], sizes[e, r, 1], sizes[e, r, 2] = _sizes(
+                    path, limits, e, r, begin, end, arc
+                )
         for j in range(e, max(after, e + 1)):
-            begin, end = 0.0, path.length[j]
-            if after <= e + 1 and bent[e]:
-                begin, end = cells.offset[c], cells.offset[c] + cells.size[c]
-            if end > 0.0:
-                _bound(path, limits, j, begin, end, cells.share, p)
+            if path.length[j] > 0.0:
+                _bound(path, limits, j, sizes, cells.share, p)
         cells.rows[p] = _compacted(cells.share, p)
 
 

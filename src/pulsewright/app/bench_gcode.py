@@ -41,7 +41,7 @@ def surface(path: Path, lines: int) -> None:
 
 
 def teeth(path: Path, lines: int) -> None:
-    """Write the same with a sharp corner at every line or every other one: no plan is harder."""
+    """Write the same with a sharp corner at two of three lines, as hard to plan as may be."""
     _raster(path, lines, lambda i, *_: i * 37 % 101 / 100)
 
 

@@ -60,7 +60,13 @@ def test_an_interrupt_waits_until_all_are_there(tmp_path, monkeypatch):
     assert names(tmp_path) == ["out", "out/a", "out/b"]
 
 
-def test_a_folder_that_cannot_be(tmp_path):
+@pytest.mark.parametrize("out", ["file", "file/out", "file/new/out"])
+def test_a_file_is_no_folder(tmp_path, out):
     (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match="cannot be written"), appearing(tmp_path / "file/out"):
-        pass
+    with pytest.raises(UsageError, match=f"{tmp_path / 'file'}: is a file; give the name"):
+        write(tmp_path / out, {})
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    with pytest.raises(UsageError, match="cannot be written"):
+        write(tmp_path / ("x" * 300), {})

@@ -65,8 +65,12 @@ def appearing(folder: Path | str) -> Iterator[Path]:
     ...     (temporary / "report.json").write_text("{}")
     """
     target = Path(folder)
-    made = [parent for parent in (target, *target.parents) if not parent.exists()]
     try:
+        above = [target, *target.parents]
+        nearest = next(path for path in above if path.exists())
+        if not nearest.is_dir():
+            raise UsageError(f"{nearest}: is a file; give the name of a folder")
+        made = above[: above.index(nearest)]
         target.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=target, prefix="."))
     except OSError as error:

@@ -461,12 +461,11 @@ def test_every_promise_is_kept_on_random_programs(seed):
     assert (np.abs(trajectory.at(time, 3) @ rows.T) <= wide.jerk_limits()).all()
 
 
-@pytest.mark.parametrize("away", [0.0, 500.0])
-def test_fast_rotary_motion_keeps_the_tolerance_on_the_smallest_arcs(away):
+def test_fast_rotary_motion_keeps_the_tolerance_on_the_smallest_arcs():
     """Far from zero nobody knows the length of such an arc, but to 1e-10 of it: much of A."""
     rng = np.random.default_rng(3)
     for _ in range(30):
-        start = place = rng.uniform(-away, away, 2)
+        start = place = rng.uniform(-500, 500, 2)
         steps, turned = [], 0.0
         for _ in range(6):
             radius, angle = 10 ** rng.uniform(-4, -2), rng.uniform(0, 2 * math.pi)

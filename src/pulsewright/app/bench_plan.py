@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from pulsewright import compiled
-from pulsewright.app.bench_gcode import CORPUS, RUNS, Row, cpu_time, surface, teeth
+from pulsewright.app.bench_gcode import CORPUS, LINES, RUNS, Row, cpu_time, surface, teeth
 from pulsewright.app.memory import keep_freed_memory, peak_memory
 from pulsewright.errors import UsageError
 
@@ -40,7 +40,6 @@ TOLERANCES: Final = (0.02, 0.05)  # [mm]
 PARTS: Final = 8  # of each blend, for the optimum
 TELLING: Final = 1.005  # ratio of T3 to T2 from which on it is told
 CHORDS: Final = 1000
-LINES: Final = 1_000_000
 PRINTED: Final = 20_000
 SURFACED: Final = 20_000
 FIRST_LINES: Final = (2, 1000)  # few, which Python plans, and more than that

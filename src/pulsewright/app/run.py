@@ -179,7 +179,6 @@ class Job:
             If a motor is not where it should be, or a limit switch is hit, as far as the machine
             has ``encoders`` and ``switches`` and the board can tell.
         """
-        _require_no_file(out)
         settings, machine = self.machine.board, self.machine
         name, link = board or settings.name, link or machine.link.url
         room = boards.get(name)
@@ -603,14 +602,6 @@ def _watched(machine: Machine | None) -> dict[str, Any]:
     if machine is not None and machine.switches is not None:
         watched["switches"] = LimitSwitches(machine.switches.inputs, machine.switches.active)
     return watched
-
-
-def _require_no_file(out: Path | str | None) -> None:
-    """Refuse a folder for reports that cannot be made, before anything moves."""
-    if out is not None:
-        nearest = next(path for path in [Path(out), *Path(out).parents] if path.exists())
-        if not nearest.is_dir():
-            raise UsageError(f"{nearest}: is a file; --out names a folder")
 
 
 @contextmanager

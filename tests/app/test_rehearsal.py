@@ -34,7 +34,7 @@ def test_kernels_compiled_ahead_are_those_that_jobs_use(tmp_path):
     for part in rehearsal.PLANNER:
         rehearsed(part, environment)
     ahead = {kernel for kernel, _ in kept(cache)}
-    assert {"motion/plan_kernels.speeds", "motion/certificate_kernels.worst"} <= ahead
+    assert {"motion/speeds.speeds", "motion/certificate_kernels.worst"} <= ahead
     program = tmp_path / "two.ngc"
     program.write_text("G21 G64 P0.05 F1000\nG1 X10 Y0\nG1 X10 Y10\n")
     for board in boards.BOARDS:

@@ -11,12 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pulsewright.errors import MotionLimitError, UsageError
-from pulsewright.motion import path, plan_kernels
+from pulsewright.motion import path
+from pulsewright.motion.cells import cells
 from pulsewright.motion.certificate import certify
 from pulsewright.motion.gcode import InterpreterSettings, interpret
+from pulsewright.motion.law import law
 from pulsewright.motion.machine import Machine
 from pulsewright.motion.moves import MoveKind, Moves, Plane
-from pulsewright.motion.path import _peaks
+from pulsewright.motion.path import peaks
 from pulsewright.motion.plan import begin_times, plan
 from pulsewright.motion.stream import Planner
 
@@ -527,7 +529,7 @@ def test_a_wave_is_bounded_by_its_ends_and_by_peaks_between_them(begin, end, slo
     """Of 2 cos(u), from begin to end [degrees]."""
     u, v = math.radians(begin), math.radians(end)
     ends = math.cos(u), math.sin(u), math.cos(v), math.sin(v)
-    assert _peaks(2.0, 0.0, *ends, v - u) == pytest.approx((2 * slope, 2 * wave))
+    assert peaks(2.0, 0.0, *ends, v - u) == pytest.approx((2 * slope, 2 * wave))
 
 
 def test_a_cell_that_speeds_up_and_down_again_is_cut_where_its_elements_meet():
@@ -541,7 +543,7 @@ def test_a_cell_that_speeds_up_and_down_again_is_cut_where_its_elements_meet():
         *(poly, none, none, zero, np.full(2, half), np.arange(2, dtype=np.int32), zero, one),
         rest=np.array([False, True]),
     )
-    element, start, law = plan_kernels.law(
+    element, start, piece = law(
         line,
         *(np.zeros(1, np.int64), np.zeros(1), np.array([2 * half])),
         b=np.array([0.0130227488, 0.07405690]) ** 2,
@@ -549,9 +551,9 @@ def test_a_cell_that_speeds_up_and_down_again_is_cut_where_its_elements_meet():
         split=np.array([0.14274]),
     )
     assert set(element) == {0, 1}
-    ends = np.sum(law * np.diff(start)[:, None] ** np.arange(4), axis=1)
+    ends = np.sum(piece * np.diff(start)[:, None] ** np.arange(4), axis=1)
     assert ends[element == 0][-1] == pytest.approx(half, abs=1e-15)
-    assert law[element == 1][0, 0] == 0.0
+    assert piece[element == 1][0, 0] == 0.0
     assert ends[element == 1][-1] == pytest.approx(half, abs=1e-12)
 
 
@@ -563,5 +565,5 @@ def test_limits_may_be_along_combinations_of_axes():
     limits = np.array([7.0, 2]), np.array([7.0, 30]), np.array([7.0, 400])  # of Z, and of the sum
     elements, along, *_ = path.blended(columns, rows, *limits)
     assert along.rows.tolist() == [[1, 1, 0, 0, 0, 0]]  # Z does not move
-    share = plan_kernels.cells(elements, along, 0.0).share
+    share = cells(elements, along, 0.0).share
     assert share[0, 0, :3] == pytest.approx(math.sqrt(2) / np.array([2, 30, 400]))

@@ -9,8 +9,9 @@ import pytest
 
 from pulsewright.app.bench_plan import bench_machine, measured
 from pulsewright.compiled import compiled
-from pulsewright.motion import plan_kernels, refine
+from pulsewright.motion import refine
 from pulsewright.motion.cell_law import Cells
+from pulsewright.motion.cells import cells
 from pulsewright.motion.gcode import interpret_text
 from pulsewright.motion.path import Elements, Limits
 
@@ -69,12 +70,12 @@ def found(poly, b, a, *, room=0.0, parts=0):
         *(np.eye(2, 6), np.arange(2), np.arange(1, 3), SPEED, ACCELERATION, JERK),
         *(1 / SPEED, 1 / ACCELERATION, 1 / JERK),
     )
-    whole = plan_kernels.cells(path, limits, 0.0)
-    cells = Cells(
+    whole = cells(path, limits, 0.0)
+    part = Cells(
         *(np.zeros(1, np.int64), np.array([BEGIN]), np.array([SIZE]), np.ones(1, np.bool_)),
         *(np.zeros(1, np.int64), whole.share[whole.row[:1]], np.array([2])),
     )
-    return cell_of(path, limits, cells, np.array([SPLIT]), b, a, room, parts)
+    return cell_of(path, limits, part, np.array([SPLIT]), b, a, room, parts)
 
 
 def sampled(poly, v0, v1, a0, a1):

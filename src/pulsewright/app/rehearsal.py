@@ -32,8 +32,8 @@ FIRST: Final = "pulsewright.motion.path"  # what the planner needs first
 # What other processes compile from then on: parts, and kernels of theirs that are waited for. The
 # speeds take as long as all the rest, so their process is as urgent as this one.
 PLANNER: Final = {
-    "speeds": ("pulsewright.motion.plan_kernels.speeds",),
-    "law": ("pulsewright.motion.plan_kernels.law", "pulsewright.motion.certificate_kernels.worst"),
+    "speeds": ("pulsewright.motion.speeds.speeds",),
+    "law": ("pulsewright.motion.law.law", "pulsewright.motion.certificate_kernels.worst"),
 }
 
 
@@ -113,7 +113,7 @@ def _program() -> Program:
 def _speeds() -> None:
     """Plan the speeds on a line."""
     from pulsewright.motion.path import Limits
-    from pulsewright.motion.plan_kernels import speeds
+    from pulsewright.motion.speeds import speeds
 
     one = np.ones(1)
     limits = Limits(np.eye(1, 6), np.zeros(1, np.int64), np.ones(1, np.int64), *(one,) * 6)
@@ -124,8 +124,8 @@ def _speeds() -> None:
 def _law() -> None:
     """Find a time law on a line; certify another one."""
     from pulsewright.motion.certificate import certify
+    from pulsewright.motion.law import law
     from pulsewright.motion.machine import Machine
-    from pulsewright.motion.plan_kernels import law
 
     line, cells = _line()
     b, a, split = np.array([0.0, 1.0, 0.0]), np.zeros(3), np.full(2, 0.5)

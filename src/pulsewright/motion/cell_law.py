@@ -1,4 +1,21 @@
-"""The time law of a cell: two pieces of constant jerk between the states at its ends."""
+"""The time law of a cell: two pieces of constant jerk between the states at its ends.
+
+``b`` is the square of the path speed v, ``a`` the path acceleration: ``db/ds = 2 a``. The path is
+cut into *cells*: groups of short elements, or parts of long ones. On a cell, the largest magnitudes
+of the derivatives of position along each limited row are known, and limits hold if they hold with
+all of them at once::
+
+    first v <= velocity
+    second b + first |a| <= acceleration
+    third v^3 + 3 second v |a| + first |j| <= jerk
+
+With each inequality over its limit, six coefficients remain, the *shares* of a cell: of ``v``, of
+``|a|``, of ``|j|``, of ``b``, of ``v |a|``, of ``v^3``.
+
+What a planner chooses are ``b`` and ``a`` at the *nodes* between cells. Whatever they are, a time
+law with two pieces of constant jerk on every cell has exactly these values at its ends; so the
+acceleration is continuous by construction, and limits are checked on the law itself.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +29,8 @@ from pulsewright.compiled import inlined, inner
 from pulsewright.motion.path import Floats, Ints
 
 ROUNDING = 1e-8  # of the limits
+BEND_SHARE = 0.97  # of the acceleration, for bending at constant speed
+TWIST_SHARE = 0.9  # of the jerk, for bending at constant speed
 
 
 class Cells(NamedTuple):
@@ -24,6 +43,40 @@ class Cells(NamedTuple):
     row: Ints  # (n,) of ``share``: cells of one line have the same
     share: Floats  # (p, r, 6); that of ``v`` is in the first row, also for the feed
     rows: Ints  # (p,) how many rows of it matter: they come first
+
+
+class Task(NamedTuple):
+    """What speeds are planned from, and what is tightened on the way."""
+
+    cells: Cells
+    cap: Floats  # (n,) largest b on a cell
+    ease: Floats  # (n,) share of it and of the acceleration
+    soft: Floats  # (n,) share of the jerk
+    ramp: Floats  # (n,) path acceleration left
+    jerk: Floats  # (n,) path jerk left
+    split: Floats  # (n,) of a cell's time, for the first of its two pieces
+    node: Ints  # (n + 1,) scratch
+    work: Floats  # (6, n + 8) scratch
+
+
+@inner
+def cap_of(share: Floats, rows: int) -> float:
+    """Return the largest square of the speed on a cell."""
+    bend, twist = 0.0, 0.0
+    for r in range(rows):
+        bend, twist = max(bend, share[r, 3]), max(twist, share[r, 5])
+    return top_square(share[0, 0], bend, twist)
+
+
+@inner
+def top_square(slow: float, bend: float, twist: float) -> float:
+    """Return the largest square of the speed by the shares of v, of its square and of its cube."""
+    top: float = 1.0 / (slow * slow)
+    if bend * top > BEND_SHARE:
+        top = BEND_SHARE / bend
+    if twist * top * math.sqrt(top) > TWIST_SHARE:
+        top = (TWIST_SHARE / twist) ** (2 / 3)
+    return top
 
 
 @inner

@@ -362,7 +362,7 @@ def _trace(moves: Columns, s: Segments) -> None:
 
 
 @compiled(error_model="numpy")
-def _peaks(
+def peaks(
     cosine: float, sine: float, c0: float, s0: float, c1: float, s1: float, turn: float
 ) -> tuple[float, float]:
     """Return the largest sizes of the slope of a wave and of the wave itself.
@@ -402,7 +402,7 @@ def _find_limits(moves: Columns, s: Segments, limits: Limits, work: Floats) -> N
             if turn > 0.0:
                 c, d = component(limits, r, cosine), component(limits, r, sine)
                 swing[r] = omega * math.hypot(c, d)
-                slope, wave = _peaks(c, d, 1.0, 0.0, cos, sin, turn)
+                slope, wave = peaks(c, d, 1.0, 0.0, cos, sin, turn)
                 along[r] += omega * slope
                 bend[r] = omega * omega * wave
             if along[r] > 0.0:

@@ -3,7 +3,7 @@
 1. *Geometry*: at each corner where the program allows a deviation, and where a line meets an arc, a
    displacement makes position, tangent and curvature continuous; see `path.blended`.
 2. *Speeds*: the second-order optimum of this path, lowered where speeds would change faster than
-   the jerk allows; see `plan_kernels.speeds`. Speed changes on blends too, so curves made of short
+   the jerk allows; see `speeds`. Speed changes on blends too, so curves made of short
    chords are driven like the curves they stand for. Where that loses much time, an interior-point
    method gets most of it back; see `refine`.
 3. *Time law*: pieces of constant path jerk; acceleration is continuous everywhere.
@@ -49,16 +49,18 @@ def plan(moves: Moves, machine: Machine) -> Trajectory:
     UsageError
         If the moves cannot be as they are, see `Moves.require_sound`.
     """
-    from pulsewright.motion import plan_kernels
+    from pulsewright.motion.cells import cells
+    from pulsewright.motion.law import law
+    from pulsewright.motion.speeds import speeds
 
     moves.require_sound()
     machine.check_travel(moves)
     with uncompiled(len(moves)):
         elements, limits = blended_path(moves, machine)
-        grid = plan_kernels.cells(elements, limits, 0.0)
-        b, a, split, _ = plan_kernels.speeds(elements, limits, grid, 0.0, 0.0)
-        cells = grid.element, grid.offset, grid.size
-        return Trajectory(*elements[:6], *plan_kernels.law(elements, *cells, b, a, split))
+        grid = cells(elements, limits, 0.0)
+        b, a, split, _ = speeds(elements, limits, grid, 0.0, 0.0)
+        at = grid.element, grid.offset, grid.size
+        return Trajectory(*elements[:6], *law(elements, *at, b, a, split))
 
 
 def blended_path(moves: Moves, machine: Machine) -> tuple[Elements, Limits]:

@@ -197,7 +197,9 @@ class Along:
     @uncompiled(0)
     def _planned(self, place: Place, caps: list[Cap]) -> Plan | None:
         """Plan from a place to rest at the last cap; None if that breaks a limit."""
-        from pulsewright.motion import plan_kernels
+        from pulsewright.motion.cells import cells
+        from pulsewright.motion.law import law
+        from pulsewright.motion.speeds import speeds
 
         if self._stops_at_once(place):
             return None
@@ -209,16 +211,13 @@ class Along:
         path = path._replace(feed=np.minimum(feed, cap))
         path.dwell[0] -= place.waited
         square = place.speed**2
-        grid = plan_kernels.cells(path, self.limits, square)
-        b, a, split, repairs = plan_kernels.speeds(
-            path, self.limits, grid, square, place.acceleration
-        )
+        grid = cells(path, self.limits, square)
+        b, a, split, repairs = speeds(path, self.limits, grid, square, place.acceleration)
         if repairs[2] < 0:
             return None
-        pieces = plan_kernels.law(path, grid.element, grid.offset, grid.size, b, a, split)
-        element, start, law = pieces
-        law[:, 0] += low[element]
-        return Plan(row[element].astype(np.int32), start, law, override[element])
+        element, start, piece = law(path, grid.element, grid.offset, grid.size, b, a, split)
+        piece[:, 0] += low[element]
+        return Plan(row[element].astype(np.int32), start, piece, override[element])
 
     def _stops_at_once(self, place: Place) -> bool:
         """Tell whether a place is so near before a rest that nothing but coming to it is left."""
